@@ -30,7 +30,7 @@ NOTES_OF_MODELS = (
 IN_FILES = (
     "ingestion/dataset.py: build_dataset _mended _losses",
     "ingestion/clock.py: _at_gaps",
-    "ingestion/samples.py: _against_the_file",
+    "ingestion/reading.py: _against_the_file",
     "storage/tables/gate.py: _with_padding_told _without_cut_rows",
     "storage/tables/members.py: tables",
     "storage/readers/lvm.py: read_lvm",

@@ -34,7 +34,7 @@ from mapmore_cli.reporting.table import Table
 from mapmore_cli.storage.atomic import refusals_told, scratch_folder
 from mapmore_cli.storage.outputs import write_bytes, write_text
 from mapmore_cli.storage.run_folder import MODEL, RunFiles
-from mapmore_cli.storage.run_record import score_row
+from mapmore_cli.storage.scores import score_row
 from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.loader import MODELINE, SCHEMA, LoadedSpec, load_text

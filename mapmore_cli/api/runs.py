@@ -21,7 +21,7 @@ from mapmore_cli.pipeline.tables_in_memory import plain_values
 from mapmore_cli.reporting.order import RUN_PAGE
 from mapmore_cli.storage.artefacts import read_model
 from mapmore_cli.storage.run_folder import RunFiles
-from mapmore_cli.storage.run_record import scores_beside
+from mapmore_cli.storage.scores import scores_beside
 from mapmore_cli.study.yaml_dumper import as_overrides
 
 

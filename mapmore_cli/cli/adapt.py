@@ -83,12 +83,11 @@ def adapt(
     """
     from mapmore_cli.pipeline.adapting import adapt, dimension_of, names_of_points
     from mapmore_cli.storage.artefacts import read_model, write_model
-    from mapmore_cli.storage.outputs import note_chosen, refuse_early, refuse_foreign_file
+    from mapmore_cli.storage.outputs import note_chosen, refuse_early
 
     chosen, output = output is None, output or ADAPTED
     if chosen:
-        refuse_foreign_file(output)
-        refuse_early(output)
+        refuse_early(output, chosen)
     options = table_options(delimiter, decimal, thousands, sheet, columns, units)
     with Reporter(quiet) as reporter:
         family = read_model(model_file, reporter.warn)

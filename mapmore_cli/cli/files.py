@@ -160,7 +160,6 @@ def figure(
     from mapmore_cli.pipeline.report import drawn_figure
     from mapmore_cli.storage.outputs import (
         refuse_early,
-        refuse_foreign_file,
         write_bytes,
         write_chosen,
         write_text,
@@ -184,8 +183,7 @@ def figure(
             "name its curve with --curve",
         )
     if chosen:
-        refuse_foreign_file(out)
-        refuse_early(out)
+        refuse_early(out, chosen)
     wanted = [model.strip() for model in (models or "").split(",") if model.strip()]
     folder = folder_of(run, runs)
     load_records(folder)  # the sources of the run count as files that this command reads

@@ -42,7 +42,8 @@ from mapmore_cli.reporting.tables import (
 )
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.run_folder import RESULTS, RunFiles
-from mapmore_cli.storage.run_record import load_records, score_row, scores_in, stale_stages
+from mapmore_cli.storage.run_record import load_records, stale_stages
+from mapmore_cli.storage.scores import score_row, scores_in
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import FormulaFit, MemoryModel, SegmentedCurve, SegmentFit

@@ -149,7 +149,7 @@ class LevelSet:
         """
         level = float(self.at[np.argmin(np.abs(self.at - value))])
         distance = 2 * default_within(self.at) if len(self.at) > 1 else abs(level)
-        reach = MEANT * distance * (1 + 1e-9) + 1e-12 * abs(value)
+        reach = MEANT * distance + 1e-12 * abs(value)  # a quarter may be rounded
         return level if abs(level - value) <= reach else None
 
     def describe(self) -> str:
@@ -296,13 +296,8 @@ def joined_curves(
     """Join the parts at one level, in the order of the levels. Without levels, every recording is a
     curve.
     """
-
-    def place(number: int) -> float:
-        level = parts[number].level
-        return 0.0 if level is None else level
-
     members: dict[str, list[int]] = {}
-    for number in sorted(range(len(parts)), key=place):
+    for number in sorted(range(len(parts)), key=lambda number: parts[number].level or 0.0):
         level = parts[number].level
         key = f"{levels.of}={level:g}" if levels is not None else parts[number].recording.id
         members.setdefault(key, []).append(number)

@@ -4,13 +4,12 @@ divide into training and validation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from fnmatch import fnmatchcase
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import BoolArray, by_blocks, extremes, row_numbers
+from mapmore_cli.domain.arrays import extremes
 from mapmore_cli.domain.errors import DataError, SpecError, Warn
 from mapmore_cli.domain.recording import (
     DAMPING,
@@ -22,11 +21,9 @@ from mapmore_cli.domain.recording import (
 )
 from mapmore_cli.fitting.groups import without_effects
 from mapmore_cli.fitting.stage import Progress
-from mapmore_cli.ingestion.clock import clocked, with_joined
+from mapmore_cli.ingestion.clock import clocked
 from mapmore_cli.ingestion.curves import (
     PLATEAU,
-    LevelPart,
-    LevelSet,
     cut_by_level,
     join_branches,
     joined_curves,
@@ -35,6 +32,7 @@ from mapmore_cli.ingestion.curves import (
     with_damping,
     with_plateau,
 )
+from mapmore_cli.ingestion.derived import derived, kept
 from mapmore_cli.ingestion.files import (
     NO_TABLES,
     IngestSlice,
@@ -42,21 +40,17 @@ from mapmore_cli.ingestion.files import (
     Source,
     Tables,
     find_sources,
-    is_file_named,
 )
+from mapmore_cli.ingestion.held_out import held_out, meant_levels
+from mapmore_cli.ingestion.reading import read_tables
 from mapmore_cli.ingestion.samples import (
     Samples,
-    derived,
-    kept,
-    located,
-    read_tables,
     recordings_apart,
 )
+from mapmore_cli.ingestion.second_logs import with_joined
 from mapmore_cli.ingestion.uncertainty import with_uncertainty
-from mapmore_cli.modelling.signals.cycles import last_cycles
 from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.sections.logs import FileEntry
-from mapmore_cli.study.sections.split import Between, Holdout
 
 BAD = "is left out as a bad file"
 FEW = 10  # warn if a recording has fewer samples left than this
@@ -87,31 +81,8 @@ def build_dataset(
     data, units, target = slice_.data, dict(slice_.units), slice_.measured
     _check(data)
     sources = find_sources(data.files, spec_dir, data.join, tables, data.skip_bad_files, warn)
-    meter = Meter(sources, progress)
-    notes, warnings, logs = list[str](), list[str](), list[list[Recording]]()
-    faults: list[DataError] = []
-    for source in sources:
-        try:
-            read = read_tables(source, data, data, units, meter)
-            logs += [
-                _mended(part, source, data, units, notes, warnings)
-                for samples in with_joined(read, source, data, units, meter)
-                for part in recordings_apart(samples, data, units, meter.texts)
-            ]
-        except DataError as fault:
-            faults.append(fault)
-            if data.skip_bad_files is not True:
-                raise
-            warnings.append(f"{source.name}: {BAD}: {fault.message}")
-    if not logs:
-        raise (
-            faults[0]
-            if faults
-            else DataError(
-                "data.skip_bad_files: every file is left out",
-                "name fewer files in `skip_bad_files`",
-            )
-        )
+    notes, warnings = list[str](), list[str]()
+    logs = _logs_of(sources, data, units, Meter(sources, progress), notes, warnings)
     if data.plateau is not None:
         static = (
             None
@@ -156,6 +127,43 @@ def build_dataset(
         also=slice_.also,
         grouping=grouping,
     )
+
+
+def _logs_of(
+    sources: Sequence[Source],
+    data: Data,
+    units: Mapping[str, str],
+    meter: Meter,
+    notes: list[str],
+    warnings: list[str],
+) -> list[list[Recording]]:
+    """Return the recordings of every log, which are the pieces between its gaps. Findings are added
+    to `notes` and `warnings`. With `skip_bad_files: true`, a file that cannot be used is left out,
+    with a warning.
+
+    Raises DataError if no file is left.
+    """
+    logs, faults = list[list[Recording]](), list[DataError]()
+    for source in sources:
+        try:
+            read = read_tables(source, data, data, units, meter)
+            logs += [
+                _mended(part, source, data, units, notes, warnings)
+                for samples in with_joined(read, source, data, units, meter)
+                for part in recordings_apart(samples, data, units, meter.texts)
+            ]
+        except DataError as fault:
+            faults.append(fault)
+            if data.skip_bad_files is not True:
+                raise
+            warnings.append(f"{source.name}: {BAD}: {fault.message}")
+    if faults and not logs:
+        raise faults[0]
+    if not logs:
+        raise DataError(
+            "data.skip_bad_files: every file is left out", "name fewer files in `skip_bad_files`"
+        )
+    return logs
 
 
 def _check(data: Data) -> None:
@@ -288,184 +296,3 @@ def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
                 f"{MOST:g} in magnitude",
                 remedy,
             )
-
-
-# Which samples validate
-# --------------------------------------------------------------------------------------------------
-
-
-def held_out(
-    parts: Sequence[LevelPart], choice: Holdout | None, levels: LevelSet | None, folder: Path
-) -> list[BoolArray]:
-    """Return a mask for each part, (n,), that is True for held-out samples. If there are several
-    conditions, a held-out sample fulfils all of them.
-
-    Raises DataError if a condition matches nothing, or if no sample is left for training.
-    """
-    if choice is None:
-        return [np.zeros(part.size, dtype=np.bool_) for part in parts]
-    held = np.logical_and.reduce([*_conditions(parts, choice, levels, folder)])
-    if not held.any():
-        raise DataError(
-            "split.validate: no sample fulfils all conditions",
-            _levels_and_recordings(parts, levels),
-        )
-    if held.all():
-        raise DataError(
-            "split.validate: all samples are held out, so that none is left for training",
-            _levels_and_recordings(parts, levels),
-        )
-    return np.split(held, np.cumsum([part.size for part in parts])[:-1])
-
-
-def _conditions(
-    parts: Sequence[LevelPart], choice: Holdout, levels: LevelSet | None, folder: Path
-) -> Iterator[BoolArray]:
-    """Yield a mask for each condition, (n,), that is True for the samples that fulfil it. The mask
-    covers all parts one after the other.
-    """
-
-    def is_named(source: str, pattern: str) -> bool:
-        return is_file_named(source, pattern, folder)
-
-    sizes = [part.size for part in parts]
-    if choice.files is not None:
-        yield np.repeat(
-            _matching("files", choice.files, [part.recording.source for part in parts], is_named),
-            sizes,
-        )
-    if choice.recordings is not None:
-        yield np.repeat(
-            _matching(
-                "recordings", choice.recordings, [part.recording.id for part in parts], fnmatchcase
-            ),
-            sizes,
-        )
-    for name, values in choice.quantities.items():
-        if levels is not None and name == levels.of and not isinstance(values, Between):
-            yield np.repeat(_at_levels(parts, values, levels), sizes)
-        else:
-            yield _within(parts, name, values)
-    if choice.last is not None:
-        yield np.concatenate([part.behind(1 - choice.last) for part in parts])
-    if choice.last_cycles is not None and choice.of is not None:
-        yield _last_cycles(parts, choice.of, choice.last_cycles)
-    # the number of samples that are drawn is rounded to a whole number
-    if choice.fraction is not None:
-        drawn = np.random.default_rng(choice.seed or 0).permutation(sum(sizes))[
-            : round(choice.fraction * sum(sizes))
-        ]
-        yield np.isin(np.arange(sum(sizes)), drawn)
-
-
-def _matching(
-    kind: str, patterns: Sequence[str], names: Sequence[str], matches: Callable[[str, str], bool]
-) -> list[bool]:
-    """Return True for each name that the patterns select. A pattern selects the names that equal
-    it. If no name equals the pattern, it selects the names that match it as a glob. Brackets can be
-    part of a name (`book[Run1]`) as well as of a glob.
-    """
-    held: set[str] = set()
-    for pattern in patterns:
-        meant = {pattern} & {*names} or {name for name in names if matches(name, pattern)}
-        if not meant:
-            raise DataError(
-                f"split.validate.{kind}: '{pattern}' matches nothing",
-                f"The data contain: {', '.join(dict.fromkeys(names))}.",
-            )
-        held |= meant
-    return [name in held for name in names]
-
-
-def _at_levels(parts: Sequence[LevelPart], values: Sequence[float], levels: LevelSet) -> list[bool]:
-    held = [levels.named(value) for value in values]
-    for value, level in zip(values, held, strict=True):
-        if level is None:
-            raise DataError(
-                f"split.validate: there is no level {levels.of}={value:g}",
-                _levels_and_recordings(parts, levels),
-            )
-    return [part.level in held for part in parts]
-
-
-def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Between) -> BoolArray:
-    """Return True for the samples whose quantity lies in one of the intervals or has one of the
-    values. Raises DataError for a value that does not occur.
-    """
-    if isinstance(choice, Between):
-        wanted = [
-            (low, high, f"no sample has {name} between {low:g} and {high:g}")
-            for low, high in choice.between
-        ]
-    else:
-        reach = [1e-12 + 1e-9 * abs(value) for value in choice]
-        wanted = [
-            (value - r, value + r, f"{name} is never {value:g}")
-            for value, r in zip(choice, reach, strict=True)
-        ]
-    masks = []
-    for low, high, complaint in wanted:
-        hits = [
-            by_blocks(lambda x, low=low, high=high: (x >= low) & (x <= high), part.columns[name])
-            for part in parts
-        ]
-        masks.append(np.concatenate(hits))
-        if not masks[-1].any():
-            least, most = (
-                min(part.columns[name].min() for part in parts),
-                max(part.columns[name].max() for part in parts),
-            )
-            remedy = (
-                f"{name} goes from {least:g} to {most:g}; give an interval: `{name}: "
-                f"{{between: ...}}`"
-            )
-            raise DataError(f"split.validate: {complaint}", remedy)
-    held: BoolArray = np.any(masks, axis=0)
-    return held
-
-
-def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray:
-    """Return True for the samples of the last cycles of each log. Before the cycles are counted,
-    the pieces and levels of a log are put together in the order of time.
-    """
-    sources = {part.log: part.recording.name for part in reversed(parts)}
-    log = np.repeat([part.log for part in parts], [part.size for part in parts])
-    places = np.concatenate([row_numbers(part.places) for part in parts])
-    values = np.concatenate([part.columns[of] for part in parts])
-    held = np.zeros(len(log), dtype=np.bool_)
-    for number in dict.fromkeys(part.log for part in parts):
-        members = np.flatnonzero(log == number)
-        in_order = members[np.argsort(places[members], kind="stable")]
-        with located(f"{sources[number]}, cycles of {of}"):
-            held[in_order] = last_cycles(values[in_order], share)
-    return held
-
-
-def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> list[str]:
-    """Return a note for every level that `split.validate` names by a number that differs from the
-    measured level.
-    """
-    if (
-        choice is None
-        or levels is None
-        or not isinstance(values := choice.quantities.get(levels.of), list)
-    ):
-        return []
-    named = ((f"{value:g}", levels.named(value)) for value in values)
-    return [
-        f"split.validate: for {levels.of} {value}, the level {at:g} is held out"
-        for value, at in named
-        if at is not None and f"{at:g}" != value
-    ]
-
-
-def _levels_and_recordings(parts: Sequence[LevelPart], levels: LevelSet | None) -> str:
-    have = (
-        ""
-        if levels is None
-        else f"{levels.of} levels {', '.join(f'{level:g}' for level in levels.at)} and "
-    )
-    return (
-        f"The data have {have}recordings "
-        f"{', '.join(dict.fromkeys(part.recording.id for part in parts))}."
-    )

@@ -1,31 +1,21 @@
 """Collect everything on which the stage `ingest` depends: its part of the spec, and the files that
-the globs match. Also report the progress of reading.
+the entries of `data.files` name. Also report the progress of reading.
 """
 
 from __future__ import annotations
 
-import difflib
-import fnmatch
-import glob
-import os
-import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
-from itertools import count, takewhile
-from pathlib import Path, PurePath, PurePosixPath
+from pathlib import Path, PurePosixPath
 from types import MappingProxyType
 from typing import Literal
 
-from mapmore_cli.domain.declared import is_label
 from mapmore_cli.domain.errors import DataError, SpecError, Warn
 from mapmore_cli.fitting.kinds.dictionary import derivations_of, units_of
 from mapmore_cli.fitting.stage import Progress
-from mapmore_cli.storage.inputs import note_read
+from mapmore_cli.ingestion.globs import expand, is_file_named, relative_name
 from mapmore_cli.storage.readers import READERS
-from mapmore_cli.storage.run_record import holds_results
 from mapmore_cli.storage.tables import RawTable, WhichTable
 from mapmore_cli.storage.tables.lines import name_of_packed
 from mapmore_cli.study.experiment import ExperimentSpec
@@ -62,13 +52,9 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
     by_group = any(isinstance(rule, dict) for rule in spec.data.uncertainty.values())
     groups = spec.data.groups
     groups = groups if groups and (groups.has_effects or by_group) else None
-    component: Component = (
-        "hysteresis"
-        if spec.target == "hysteresis"
-        else "damping"
-        if spec.target == "damping"
-        else "static"
-    )
+    component: Component = "static"
+    if spec.target == "hysteresis" or spec.target == "damping":
+        component = spec.target
     return IngestSlice(
         data=spec.data.model_copy(
             update={"split": split, "groups": groups, "derive": derivations_of(spec)}
@@ -113,11 +99,6 @@ class Source(Log):
     keep: Sequence[Keep] = ()
     joined: tuple[Log, ...] = ()
 
-
-MOST_FOLDERS = 20_000
-"""Largest number of folders that a glob may search: `/*/*/*/*/*` would search the whole
-computer.
-"""
 
 Entries = Sequence[str | FileEntry]
 
@@ -173,17 +154,6 @@ def find_sources(
     )
 
 
-def is_file_named(name: str, pattern: str, folder: Path) -> bool:
-    """Return True if `pattern`, a path or a glob, matches the file `name`. A pattern without
-    folders matches files in all folders.
-    """
-    paths = (name, PurePosixPath(name).name)
-    if pattern in paths:
-        return True
-    relative = relative_name(folder / pattern, folder)
-    return fnmatch.fnmatchcase(name, relative) or fnmatch.fnmatchcase(paths[1], pattern)
-
-
 def _found(
     entries: Entries,
     folder: Path,
@@ -216,7 +186,9 @@ def _found(
                     "change the patterns of `files` so that each file matches one of them",
                 )
             log = Log(
-                *(path, name, entry.sheet),
+                path,
+                name,
+                entry.sheet,
                 table=table,
                 table_below=entry.table,
                 columns=entry.columns,
@@ -233,14 +205,11 @@ def _automatic(logs: Sequence[Log]) -> list[str]:
     ids = dict(zip(sheets, unique_ids([*sheets]), strict=True))
     return [
         f"{ids[log.name]}[{part}]"
-        if sheets[log.name] > 1 and (part := ":".join(map(str, filter(None, _part_of(log)))))
+        if sheets[log.name] > 1
+        and (part := ":".join(map(str, filter(None, (log.sheet, log.table_below)))))
         else ids[log.name]
         for log in logs
     ]
-
-
-def _part_of(log: Log) -> tuple[str | None, WhichTable | None]:
-    return log.sheet, log.table_below
 
 
 def _logs_to_join(join: Join, count: int, folder: Path, warn: Warn) -> list[Log]:
@@ -255,159 +224,6 @@ def _logs_to_join(join: Join, count: int, folder: Path, warn: Warn) -> list[Log]
             what, "Name one file for each, in the same order, or a single file for all."
         )
     return logs if len(logs) == count else logs * count
-
-
-def expand(
-    pattern: str, folder: Path, may_be_empty: bool = False, warn: Warn = lambda _: None
-) -> list[Path]:
-    """Return the files that a glob matches, sorted by POSIX path. Relative globs start at `folder`.
-
-    If a path exists exactly as it is written, brackets in it are no wildcards. Wildcards do not
-    lead into folders with results of mapmore, because the next run would read what this one writes.
-    If such folders match, `warn` is called. Raises DataError for a folder, for an empty file unless
-    `may_be_empty`, and if nothing matches.
-    """
-    literal = folder / pattern
-    if literal.is_dir():
-        raise DataError(
-            f"{pattern}: is a folder",
-            f"Name the files in it, for example `{pattern.rstrip('/')}/*.csv`.",
-        )
-    files, results = list[Path](), set[Path]()
-    matches = {literal} if literal.is_file() else {*_matches(pattern, folder, results)}
-    names = sorted(relative_name(place, folder) for place in results)
-    shown = ", ".join(names[:SHOWN]) + (", ..." if len(names) > SHOWN else "")
-    for name, path in sorted((relative_name(path, folder), path) for path in matches):
-        if path.is_dir():
-            continue
-        if not path.exists():
-            raise DataError(
-                f"{name}: is a link to a file that does not exist",
-                "correct the link, or leave it out of `files`",
-            )
-        if not path.is_file():
-            raise DataError(f"{name}: is not a regular file", "name files that contain recordings")
-        if not is_label(name):
-            raise DataError(
-                f'the file name {name!r} must be one line of valid text without " ` $ < > \\',
-                "rename the file",
-            )
-        # all files below /proc have size zero, and some of them never end
-        if path.stat().st_size == 0 and not may_be_empty:
-            raise DataError(
-                f"{name}: is empty",
-                "leave it out of `files`, name it in `skip_bad_files`, or get it again",
-            )
-        files.append(path)
-    if not files:
-        where = f" outside of the results of mapmore in {shown}" if results else ""
-        raise DataError(f"{pattern}: no such file{where}", _what_exists(literal))
-    if results:
-        warn(f"{pattern}: no recordings are read in {shown}, because results of mapmore lie there")
-    note_read(files)
-    return files
-
-
-def _matches(pattern: str, folder: Path, results: set[Path]) -> Iterator[Path]:
-    """Return everything that a glob matches. `**` enters each folder only once, even if several
-    links lead to it, because links may lead back to a parent folder. Folders with results of
-    mapmore, to which wildcards lead, are not entered but added to `results`.
-
-    Raises DataError if the glob leads through more than `MOST_FOLDERS` folders.
-    """
-    entered = count(1)
-
-    def is_entered(place: Path) -> bool:
-        if holds_results(place):
-            results.add(place)
-            return False
-        if next(entered) > MOST_FOLDERS:
-            raise DataError(
-                f"{pattern}: matches paths through more than {MOST_FOLDERS} folders",
-                "name the folders explicitly, for example `measured/*/*.csv`",
-            )
-        return True
-
-    yield from _below(PurePath(pattern).parts, folder, is_entered)
-
-
-def _below(parts: Sequence[str], top: Path, is_entered: Callable[[Path], bool]) -> Iterator[Path]:
-    """Yield the paths below a folder that match a glob, given by its parts. A folder to which a
-    wildcard leads is searched only if `is_entered` returns True for it.
-    """
-    plain = list(takewhile(lambda part: not glob.has_magic(part), parts))
-    here, rest = top.joinpath(*plain), parts[len(plain) :]
-    if not rest:
-        yield from [here] if os.path.lexists(here) else ()
-        return
-    if rest[0] == "**":
-        inner: Iterable[Path] = _folders(here, set(), is_entered) if here.is_dir() else ()
-    else:
-        found = _entries(here, rest[0])
-        if len(rest) == 1:
-            yield from map(Path, found)
-            return
-        inner = (Path(entry) for entry in found if entry.is_dir() and is_entered(Path(entry)))
-    for path in inner:
-        yield from _below(rest[1:] or ["*"], path, is_entered)
-
-
-def _entries(folder: Path, part: str) -> list[os.DirEntry[str]]:
-    """Return the entries of a folder that match one part of a glob; empty for an unreadable
-    folder.
-    """
-    matches = re.compile(fnmatch.translate(part)).match
-    with suppress(OSError), os.scandir(folder) as entries:
-        return [
-            entry
-            for entry in entries
-            if matches(entry.name) and (part.startswith(".") or not entry.name.startswith("."))
-        ]
-    return []
-
-
-def _folders(
-    top: Path, seen: set[tuple[int, int]], is_entered: Callable[[Path], bool]
-) -> Iterator[Path]:
-    """Yield a folder and all folders inside it, except hidden ones and those that are not
-    entered.
-    """
-
-    def refused(fault: OSError) -> None:
-        what = f"{fault.filename}: cannot be read ({fault.strerror})"
-        raise DataError(what, "change its permissions, or name the files without `**`") from fault
-
-    for name, inner, _ in os.walk(top, onerror=refused, followlinks=True):
-        state = Path(name).stat()
-        if (state.st_dev, state.st_ino) in seen:
-            inner.clear()
-            continue
-        seen.add((state.st_dev, state.st_ino))
-        inner[:] = sorted(
-            one for one in inner if not one.startswith(".") and is_entered(Path(name, one))
-        )
-        yield Path(name)
-
-
-def relative_name(path: Path, folder: Path) -> str:
-    """Return the POSIX path relative to `folder`. This relative path is the same on every machine
-    that has the same tree of folders.
-    """
-    # for a path inside the folder, this takes a tenth of the time of the general way below
-    with suppress(ValueError):
-        inside = path.relative_to(folder)
-        if ".." not in inside.parts:
-            return inside.as_posix()
-    way = _way_to(path.parent, folder, Path.cwd())
-    return path.name if way == "." else f"{way}/{path.name}"
-
-
-@lru_cache(maxsize=1000)
-def _way_to(parent: Path, folder: Path, _current: Path) -> str:
-    """Return the POSIX path that leads from `folder` to `parent`. Both may be relative to the
-    current folder, so that the result depends on the current folder, too.
-    """
-    return Path(os.path.relpath(parent, folder)).as_posix()
 
 
 def unique_ids(sources: Sequence[str]) -> list[str]:
@@ -434,25 +250,6 @@ def _without_suffix(source: str) -> str:
     return (
         next((stem.removesuffix(suffix) for suffix in suffixes if stem.endswith(suffix)), stem)
         or source
-    )
-
-
-SHOWN = 4  # largest number of names in a message
-
-
-def _what_exists(path: Path) -> str:
-    folder = path.parent
-    while glob.has_magic(str(folder)):
-        folder = folder.parent
-    if not folder.is_dir():
-        return f"The folder {folder} does not exist."
-    names = sorted(entry.name for entry in folder.iterdir())
-    if not names:
-        return f"The folder {folder} is empty."
-    shown = difflib.get_close_matches(path.name, names, n=SHOWN, cutoff=0.5) or names[:SHOWN]
-    return (
-        f"The folder {folder} contains: "
-        f"{', '.join(shown)}{(', ...' if len(shown) < len(names) else '')}"
     )
 
 

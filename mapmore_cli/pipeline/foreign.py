@@ -14,7 +14,8 @@ from pydantic import ValidationError
 from mapmore_cli.domain.errors import DataError, UsageError, Warn
 from mapmore_cli.domain.models import Model
 from mapmore_cli.ingestion.files import Log, Meter
-from mapmore_cli.ingestion.samples import Samples, read_tables
+from mapmore_cli.ingestion.reading import read_tables
+from mapmore_cli.ingestion.samples import Samples
 from mapmore_cli.pipeline.records import RECORDING, reading_of
 from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.storage.tables.beginnings import is_binary

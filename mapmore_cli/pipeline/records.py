@@ -19,9 +19,9 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.modelling.kinds import fed_back, runs_over_time
 from mapmore_cli.modelling.signals.sampling import cut_after, find_gaps, typical_step
-from mapmore_cli.storage.readers.csv import separator_hint
 from mapmore_cli.storage.tables import TableRequest, locate_columns
 from mapmore_cli.storage.tables.cells import CellReader, NotANumber, number_of
+from mapmore_cli.storage.tables.fields import separator_hint
 from mapmore_cli.storage.tables.lines import csv_records
 
 RECORDING = "recording"

@@ -35,7 +35,7 @@ from mapmore_cli.reporting.fit_tables import rival_minima
 from mapmore_cli.reporting.sections import shown_by
 from mapmore_cli.storage.artefacts import write_validation
 from mapmore_cli.storage.run_folder import VALIDATION
-from mapmore_cli.storage.run_record import write_scores
+from mapmore_cli.storage.scores import write_scores
 
 
 def score(part: ScoresSlice, workspace: Workspace) -> None:

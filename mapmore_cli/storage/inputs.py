@@ -54,15 +54,17 @@ def note_read(paths: Iterable[Path]) -> None:
 
 
 def note_output(path: Path) -> None:
-    """Remember an output of the command, so that `note_read` refuses it before the command
-    computes; outside of the context of `files_read`, do nothing.
+    """Remember an output of the command. If the command later reads this file, `note_read` raises
+    an error. Outside of the context of `files_read`, do nothing.
     """
     if (files := _FILES.get()) is not None:
         files.outputs.append(path)
 
 
 def refuse_read(path: Path) -> None:
-    """Raise WriteError if an existing file is one of those that were read, under any name."""
+    """Raise WriteError if the command has read the file `path`, under this name or another one (a
+    hard link).
+    """
     if (files := _FILES.get()) is not None:
         _refuse_same(path, files.read)
 

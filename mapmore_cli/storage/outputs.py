@@ -71,15 +71,17 @@ def _run_with(path: Path) -> Path | None:
     return None
 
 
-def refuse_early(path: Path) -> None:
-    """Raise WriteError before a command computes if its output cannot be written: as
-    `refuse_needed` does, and if its folder does not exist or cannot be written to. The output is
-    noted, so that `note_read` raises an error if the command later reads this file.
+def refuse_early(path: Path, chosen: bool = False) -> None:
+    """Raise WriteError before a command computes if its output cannot be written: an existing file
+    is still needed (`refuse_needed`), or the folder does not exist or cannot be written to. If
+    mapmore has `chosen` the name, a file of somebody else is refused, too (`refuse_foreign_file`).
+
+    The output is noted, so that `note_read` raises an error if the command later reads this file.
     """
     with refusals_told(path.parent):
-        if is_special(path):
+        if is_special(path) and not chosen:
             return
-        refuse_needed(path)
+        (refuse_foreign_file if chosen else refuse_needed)(path)
         if not path.parent.is_dir():
             raise WriteError(
                 f"{path}: cannot be written, because there is no folder {path.parent}",
@@ -91,8 +93,9 @@ def refuse_early(path: Path) -> None:
 
 @contextmanager
 def written(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file that the user has named, for writing as a whole, as `replacing` does. If `path`
-    is no regular file, for example a pipe or `/dev/null`, it is opened directly.
+    """Open a file that the user has named. It replaces the old file when the block ends without an
+    error, as in `replacing`. If `path` is no regular file, for example a pipe or `/dev/null`, the
+    data are written into it directly.
 
     Raises WriteError as `refuse_needed` does.
     """
@@ -107,8 +110,8 @@ def written(path: Path) -> Iterator[IO[bytes]]:
 
 @contextmanager
 def written_as_text(path: Path) -> Iterator[TextIO]:
-    """Open a text stream that replaces `path` when the block ends without an error
-    (`written`).
+    """Open a UTF-8 text that replaces the file `path` when the block ends without an error. The
+    text is compressed with gzip if the name of the file ends with `.gz`.
 
     Errors of the file system inside the block count as errors of this file, and become WriteErrors.
     Raises BrokenPipeError if the program that reads from a pipe has ended.
@@ -163,7 +166,7 @@ def refuse_foreign_file(path: Path) -> None:
 
 def note_chosen(folder: Path, names: Iterable[str]) -> None:
     """Note the contents of files whose names mapmore has chosen, so that it may replace them later
-    (`refuse_foreign_file`). If the note is lost, these files are refused.
+    (`refuse_foreign_file`). If the note is lost, mapmore no longer replaces these files.
     """
     hashes = {**_hashes_in(folder), **hashes_of(folder, names)}
     text = json.dumps(hashes, indent=1, ensure_ascii=False, sort_keys=True) + "\n"

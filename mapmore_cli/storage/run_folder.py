@@ -33,9 +33,9 @@ from mapmore_cli.storage.run_record import (
     RUN_RECORD,
     Stamp,
     is_record,
-    read_scores,
     written_files,
 )
+from mapmore_cli.storage.scores import read_scores
 
 if TYPE_CHECKING:
     from mapmore_cli.domain.fits import SegmentedCurve

@@ -4,20 +4,17 @@ made. The entry of a stage is written after its outputs; outputs without an entr
 Sizes, times and hashes show whether files are still the ones that were read or written. There are
 no absolute paths, users, hosts or environment variables.
 
-1.0  first version. 1.1  `origin`: the spec from which the run was made. 1.2  `files`: files that
-the run wrote in addition to the outputs of its stages.
+Version 1.1 of this format added `origin`, the spec from which the run was made. Version 1.2 added
+`files`, the files that the run wrote in addition to the outputs of its stages.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import math
 import os
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from functools import cache, lru_cache
 from importlib.metadata import version
 from itertools import pairwise
@@ -28,8 +25,6 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, TypeAdapter
 
 from mapmore_cli.domain.errors import DataError, Warn
-from mapmore_cli.domain.foreign import csv_cell
-from mapmore_cli.domain.scores import Score, ScoreTable
 from mapmore_cli.storage.atomic import content_of, write_own
 from mapmore_cli.storage.inputs import note_read
 from mapmore_cli.storage.tables.cells import shortened
@@ -101,8 +96,8 @@ def refuse_newer(path: Path, found: str, known: str) -> None:
 
 @cache
 def tool_versions() -> Mapping[str, str]:
-    """Return the versions of everything that affects numbers and files, without importing any of
-    it.
+    """Return the versions of all packages that affect numbers and files, without importing the
+    packages.
     """
     packages = {name: version(name) for name in ("mapmore", "numpy", "scipy", "h5py")}
     return {**packages, "python": platform.python_version()}
@@ -172,17 +167,19 @@ class Origin:
 
 _ORIGIN, _STAGES = TypeAdapter(Origin), TypeAdapter(dict[str, StageRecord])
 _FILES = TypeAdapter(dict[RecordedPath, Stamp])
-_DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
+DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowError, RecursionError)
 """Errors that reading a foreign JSON document may raise."""
 
 
-def _read_json(path: Path) -> Any:
+def read_json(path: Path) -> Any:
+    """Return the contents of a JSON file. They are cached, so they must not be changed. Raises the
+    errors in `DAMAGE`.
+    """
     return _document(content_of(path).decode())
 
 
 @lru_cache(maxsize=4)
 def _document(text: str) -> Any:
-    """Parse the text of a JSON document. The result is cached, so it must not be changed."""
     return json.loads(text)
 
 
@@ -201,8 +198,8 @@ def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
 def load_origin(run_dir: Path) -> Origin | None:
     """Return the origin of a run; None if it is unknown."""
     try:
-        return _ORIGIN.validate_python(_read_json(run_dir / RUN_RECORD)["origin"])
-    except _DAMAGE:
+        return _ORIGIN.validate_python(read_json(run_dir / RUN_RECORD)["origin"])
+    except DAMAGE:
         return None
 
 
@@ -214,12 +211,12 @@ def load_records(run_dir: Path, warn: Warn = lambda _message: None) -> dict[str,
     """
     path = run_dir / RUN_RECORD
     try:
-        document = _read_json(path)
+        document = read_json(path)
         stages = _STAGES.validate_python(document["stages"])
         version = str(document["format_version"])
     except FileNotFoundError:
         return {}
-    except _DAMAGE as fault:
+    except DAMAGE as fault:
         warn(
             f"{path}: is damaged ({type(fault).__name__}: {str(fault).partition(chr(10))[0]}) "
             "and is ignored; every stage runs again"
@@ -264,12 +261,12 @@ def written_files(run_dir: Path) -> dict[str, Stamp]:
     cannot be read.
     """
     try:
-        document = _read_json(run_dir / RUN_RECORD)
+        document = read_json(run_dir / RUN_RECORD)
         refuse_newer(run_dir / RUN_RECORD, str(document["format_version"]), FORMAT_VERSION)
         found = _FILES.validate_python(document.get("files", {}))
         for record in _STAGES.validate_python(document["stages"]).values():
             found |= record.outputs
-    except (*_DAMAGE, DataError):
+    except (*DAMAGE, DataError):
         return {}
     return found
 
@@ -277,9 +274,9 @@ def written_files(run_dir: Path) -> dict[str, Stamp]:
 def recorded_name(run_dir: Path) -> str | None:
     """Return the name of the run in the record of a folder; None if it is unknown."""
     try:
-        document = _read_json(run_dir / RUN_RECORD)
+        document = read_json(run_dir / RUN_RECORD)
         return _as_path(str(document["name"])) if document["creator"] == "mapmore" else None
-    except _DAMAGE:
+    except DAMAGE:
         return None
 
 
@@ -312,93 +309,3 @@ def save_records(
         run_dir / RUN_RECORD,
         json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
     )
-
-
-COLUMNS = tuple(field.name for field in fields(Score))
-_SCORES = TypeAdapter(tuple[Score, ...])
-
-
-def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
-    """Write `scores.csv` and `scores.json` of the run `name` to `folder`.
-
-    The JSON document is `{"name", "target", "units", "scores": [row, ...], "failed", "warnings",
-    "alerts"}`:
-    `failed` names models that could not be fitted. A number that is not finite is null there, and
-    empty in the CSV. The same scores give the same bytes.
-    """
-    rows = [score_row(score) for score in table.scores]
-    document = {
-        "name": name,
-        "target": next(iter(table.units), None),
-        "units": dict(table.units),
-        "scores": rows,
-        "failed": list(table.failed),
-        "warnings": list(table.warnings),
-        "alerts": dict(table.alerts),
-    }
-    write_own(
-        folder / "scores.json",
-        json.dumps(document, indent=2, allow_nan=False, ensure_ascii=False) + "\n",
-    )
-    cells = io.StringIO()
-    writer = csv.DictWriter(cells, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(
-        {name: csv_cell(cell) if isinstance(cell, str) else cell for name, cell in row.items()}
-        for row in rows
-    )
-    write_own(folder / "scores.csv", cells.getvalue())
-
-
-def read_scores(path: Path) -> ScoreTable:
-    """Return the table that `write_scores` wrote. Raises DataError for a file with other
-    contents.
-    """
-    try:
-        return scores_in(_read_json(path))
-    except _DAMAGE as error:
-        what = f"no table of scores: {type(error).__name__}: {error}"
-        raise DataError(
-            f"{path}: {what}", "run `mapmore validate SPEC --force`, which writes it again"
-        ) from error
-
-
-def scores_in(document: Any) -> ScoreTable:
-    """Return the table in the document of a scores.json. Files of older versions, which lack some
-    keys, are read too.
-
-    Raises ValueError, TypeError, KeyError, AttributeError or OverflowError for another document.
-    """
-    rows = [
-        {name: math.nan if cell is None else cell for name, cell in row.items()}
-        for row in document["scores"]
-    ]
-    units = {str(name): str(unit) for name, unit in document["units"].items()}
-    return ScoreTable(
-        _SCORES.validate_python(rows),
-        units,
-        tuple(map(str, document.get("failed", ()))),
-        tuple(map(str, document.get("warnings", ()))),
-        {str(name): str(alert) for name, alert in document.get("alerts", {}).items()},
-    )
-
-
-def score_row(score: Score) -> Mapping[str, str | int | float | None]:
-    """Return a row of the table, by column in the order of `Score`: floats with 12 significant
-    digits and without a negative zero; None if they are not finite.
-    """
-    row = {column: getattr(score, column) for column in COLUMNS}
-    for column, value in row.items():
-        if isinstance(value, float):
-            row[column] = float(f"{value:.12g}") + 0.0 if math.isfinite(value) else None
-    return row
-
-
-def scores_beside(model: Path) -> tuple[Mapping[str, Any], ...]:
-    """Return the rows of the scores.json in the folder of a model; empty if there is no such file,
-    or if it cannot be read.
-    """
-    try:
-        return tuple(dict(row) for row in _read_json(model.parent / "scores.json")["scores"])
-    except _DAMAGE:
-        return ()

@@ -87,7 +87,7 @@ def test_there_are_commands_to_look_at():
 )
 def test_every_command_has_the_arguments_that_it_is_shown_with(page, command, monkeypatch):
     # the folders of outputs do not exist here
-    monkeypatch.setattr("mapmore_cli.storage.outputs.refuse_early", lambda _path: None)
+    monkeypatch.setattr("mapmore_cli.storage.outputs.refuse_early", lambda *_, **_chosen: None)
     group = typer.main.get_command(app)
     context = group.make_context("mapmore", list(command), resilient_parsing=False)
     name, found, rest = group.resolve_command(context, [*context._protected_args, *context.args])

@@ -19,7 +19,7 @@ from common import process
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.foreign import csv_cell, printable
-from mapmore_cli.ingestion.files import expand
+from mapmore_cli.ingestion.globs import expand
 from mapmore_cli.storage.outputs import write_text, written_as_text
 from mapmore_cli.storage.readers import READERS, TableRequest
 from mapmore_cli.storage.tables import reading

@@ -9,10 +9,6 @@ import pytest
 import typer
 
 from mapmore_cli.cli.app import app
-from mapmore_cli.domain.errors import WriteError
-from mapmore_cli.pipeline.tables_in_memory import tables_of, write_tables
-from mapmore_cli.storage.inputs import files_read, note_read
-from mapmore_cli.storage.outputs import WRITTEN, write_bytes, write_chosen
 
 MODEL = "runs/bench/model.h5"
 GRID = "pressure=100:200:50,strain=0:0.04:0.02"
@@ -98,6 +94,15 @@ def test_no_output_replaces_a_file_that_is_needed(option, start, mapmore, monkey
         assert files_here() == before, line
 
 
+def test_an_export_that_may_not_be_written_is_refused_before_its_code_is_made(
+    start, mapmore, monkeypatch
+):
+    monkeypatch.setattr("mapmore_cli.annexes.exporting.exports.exported", None)
+    output = start / "mine"
+    line = (start / MODEL, "--to", "csv", "--grid", GRID, "-o", output)
+    mapmore("export", *map(str, line), code=7, says=f"{output / 'bench.csv'}: exists")
+
+
 def files_here():
     """Return the files below the current folder with their contents and times."""
     files = [path for path in sorted(Path().rglob("*")) if path.is_file()]
@@ -121,39 +126,6 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_read(lin
     assert [path.name for path in Path().iterdir() if path.name.startswith(".")] == []
 
 
-def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
-    place = tmp_path / "new"
-    assert write_chosen(place, {"a.c": b"1", "b.csv": b"1"}) == [place / "a.c", place / "b.csv"]
-    write_chosen(place, {"a.c": b"2", "b.csv": b"1"})
-    (place / "d.c").write_bytes(b"/* mine, beside the code of mapmore */")
-    (place / "b.csv").write_bytes(b"1, edited")
-    with pytest.raises(WriteError, match=r"d\.c: exists, and mapmore has not written it"):
-        write_chosen(place, {"a.c": b"3", "d.c": b"3"})
-    with pytest.raises(WriteError, match=r"b\.csv: exists, .* somebody has changed it since"):
-        write_chosen(place, {"a.c": b"3", "b.csv": b"3"})
-    moved = shutil.copytree(place, tmp_path / "moved")
-    write_chosen(moved, {"a.c": b"3"})
-    assert [(folder / "a.c").read_bytes() for folder in (place, moved)] == [b"2", b"3"]
-
-
-@pytest.mark.parametrize(
-    "left",
-    [None, "", "[1]", "{", '{"a.c": 1}', "[" * 100_000, f'{{"{"x" * 5000}": ""}}'],
-    ids=range(7),
-)
-def test_without_its_note_a_file_with_a_chosen_name_is_kept(tmp_path, left):
-    write_chosen(tmp_path, {"a.c": b"1"})
-    (tmp_path / WRITTEN).unlink() if left is None else (tmp_path / WRITTEN).write_text(left)
-    with pytest.raises(WriteError, match=r"a\.c: exists, and "):
-        write_chosen(tmp_path, {"a.c": b"2"})
-    write_chosen(tmp_path, {"a.c": b"1"})  # the same contents are noted again
-    (tmp_path / WRITTEN).rename(tmp_path / "note")
-    (tmp_path / WRITTEN).symlink_to("note")
-    with pytest.raises(WriteError, match="is a link"):
-        write_chosen(tmp_path, {"a.c": b"2"})
-    assert (tmp_path / "a.c").read_bytes() == b"1"
-
-
 @pytest.mark.parametrize(
     "line",
     [
@@ -168,29 +140,6 @@ def test_a_default_name_replaces_no_file_of_the_user(line, copied, mapmore, monk
         path.write_text("mine")
     mapmore(*line, "-q", code=7, says="mapmore has not written it")
     assert Path("fit.svg").read_text() == Path("fit.html").read_text() == "mine"
-
-
-def test_files_read_within_a_command_are_kept_until_its_end(tmp_path):
-    with files_read():
-        with files_read() as inner:
-            note_read([tmp_path / "a", tmp_path / "gone"])
-        assert inner == {tmp_path / "a", tmp_path / "gone"}
-        (tmp_path / "a").write_text("a")
-        with pytest.raises(WriteError, match="this command reads the file"):
-            write_bytes(tmp_path / "a", b"b")
-    write_bytes(tmp_path / "a", b"c")
-    assert (tmp_path / "a").read_text() == "c"
-
-
-def test_tables_in_memory_replace_no_recording_of_the_user(tmp_path):
-    """`Fitted.to_yaml` writes them beside the spec, under names of its own."""
-    tables, place = tables_of([{"x": [1.0, 2.0]}], {"x": "x"}, {"x": "1"}), tmp_path / "a_data"
-    (path,) = write_tables(tables, place)
-    assert write_tables(tables, place) == [path]
-    path.write_text("mine")
-    with pytest.raises(WriteError, match="mapmore has not written it"):
-        write_tables(tables, place)
-    assert path.read_text() == "mine"
 
 
 def test_a_glob_of_everything_reads_the_same_recordings_again(copied, mapmore, monkeypatch):

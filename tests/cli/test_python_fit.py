@@ -15,7 +15,7 @@ from cli_samples import write_columns
 import mapmore_cli as mm
 from mapmore_cli.api import fitted as fitted_module
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.ingestion.files import expand
+from mapmore_cli.ingestion.globs import expand
 
 # --- one small study
 # --------------------------------------------------------------------------------------------------

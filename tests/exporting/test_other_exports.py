@@ -19,7 +19,7 @@ from scipy.io import loadmat
 
 import mapmore_cli as mm
 from mapmore_cli.annexes.exporting.commands import export
-from mapmore_cli.annexes.exporting.exports import EXPORTERS, Form, exported
+from mapmore_cli.annexes.exporting.exports import EXPORTERS, Form, exported, names_of_files
 from mapmore_cli.annexes.exporting.templates import NOTICE
 from mapmore_cli.domain.errors import DataError, UsageError
 from mapmore_cli.modelling.kinds import outside_range, predict
@@ -141,6 +141,7 @@ def test_every_file_of_code_names_the_licence(model):
     for to in EXPORTERS:
         grid = "pressure=100:200:50,strain=0:0.1:0.05" if to == "csv" else None
         files = exported(model, to, grid=grid, verify=False)
+        assert {*names_of_files(model, to)} <= {*files}
         if to.startswith("fmu"):
             with zipfile.ZipFile(io.BytesIO(*files.values())) as archive:
                 files = {name: archive.read(name) for name in archive.namelist()}

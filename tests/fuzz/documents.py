@@ -23,7 +23,8 @@ from mapmore_cli.pipeline.archive import find_model, freeze
 from mapmore_cli.pipeline.runner import bring_up_to_date, explain
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import read_validation
-from mapmore_cli.storage.run_record import load_origin, read_scores, scores_beside
+from mapmore_cli.storage.run_record import load_origin
+from mapmore_cli.storage.scores import read_scores, scores_beside
 from mapmore_cli.study.loader import load
 
 VALUES = (

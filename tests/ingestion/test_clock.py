@@ -343,19 +343,6 @@ def test_the_shift_is_found_and_told(ingest, tick):
     np.testing.assert_allclose(columns["pressure_2"], columns["pressure"], atol=2.0)
 
 
-def test_a_shift_that_nothing_tells_or_more_than_one_fits_is_refused(
-    ingest,
-):
-    def wave(t):
-        return 100 + 50 * np.sin(2 * np.pi * t / 20)
-
-    with pytest.raises(DataError, match="one of them never changes"):
-        on_other_clocks(ingest, lambda t: 0 * t + 100)
-    with pytest.raises(DataError, match="cannot be determined") as fault:
-        on_other_clocks(ingest, lambda t: wave(5 * t))
-    assert fault.value.exit_code == 4
-
-
 def test_a_time_step_that_would_fill_the_memory_is_refused(ingest):
     """A hundred times the samples are not yet too many where they are few."""
     text = csv_text(t=np.arange(4.0), P=80, eps=0, F=[1, 2, 3, 4])

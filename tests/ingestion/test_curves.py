@@ -54,15 +54,6 @@ def test_levels_of_constants_set_for_files(ingest):
     ]
 
 
-def test_samples_between_levels_are_counted(ingest):
-    text = csv_text(t=np.arange(7), P=[80, 81, 115, 149, 150, 190, 400], eps=0, F=0)
-    dataset = ingest(
-        {"a.csv": text}, levels={"of": "pressure", "at": [150.0, 80.0], "within": 10.0}
-    )
-    assert dict(dataset.recordings[0].dropped) == {"not within 10 of any level of pressure": 3}
-    assert [curve.size for curve in dataset.curves] == [2, 2]
-
-
 def test_the_value_of_a_level_is_what_was_measured_or_the_nominal_one(ingest):
     text = csv_text(t=np.arange(6), P=[79, 80, 82, 149, 150, 152], eps=[0.0, 0.1, 0.2] * 2, F=0)
     files, levels = {"a.csv": text}, {"of": "pressure", "at": [80.0, 150.0]}
@@ -90,6 +81,7 @@ def test_the_value_of_a_level_is_what_was_measured_or_the_nominal_one(ingest):
         ({"pressure": [150.6, 79.4]}, [40, 40, 0]),
         ({"time": {"between": [(0.0, 0.45), (1.75, 9.0)]}}, [14, 14, 14]),
         ({"force": [8001.0]}, [20, 0, 0]),
+        ({"force": {"between": [(8001.0, 8002.0)]}}, [40, 0, 0]),
         ({"files": ["*_2.csv"]}, [20, 20, 20]),
         ({"files": ["./80_1.csv"]}, [20, 0, 0]),
         ({"recordings": ["250_*", "80_1"]}, [20, 0, 40]),
@@ -112,15 +104,15 @@ def test_held_out_samples_are_marked_one_by_one(ingest):
 
 
 def test_random_fraction_is_exact_and_hangs_on_the_seed_alone(ingest):
-    def chosen(seed):
-        dataset = ingest(
-            REPEATS, levels=LEVELS, split={"validate": {"fraction": 0.25, "seed": seed}}
-        )
+    def chosen(*seed):
+        choice = {"fraction": 0.25, **dict(zip(["seed"], seed, strict=False))}
+        dataset = ingest(REPEATS, levels=LEVELS, split={"validate": choice})
         return np.concatenate([curve.held_out for curve in dataset.curves])
 
     assert chosen(1).sum() == 30
     np.testing.assert_array_equal(chosen(1), chosen(1))
     assert (chosen(1) != chosen(2)).any()
+    np.testing.assert_array_equal(chosen(), chosen(0))
 
 
 def held(**choice):
@@ -347,15 +339,6 @@ def test_recordings_without_cycles_to_part(ingest, case):
     text, data, error, parts = REFUSED[case]
     with refused(*parts, error=error):
         ingest({"a.csv": text}, split=HALF, **data)
-
-
-def test_an_interval_is_left_out_with_both_its_ends(ingest):
-    text = csv_text(t=np.arange(10), P=80, eps=0, F=0)
-    (recording,) = ingest(
-        {"a.csv": text}, keep=[{"quantity": "time", "outside": (3.0, 6.0)}]
-    ).recordings
-    np.testing.assert_array_equal(recording.columns["time"], [0, 1, 2, 7, 8, 9])
-    assert dict(recording.dropped) == {"time from 3 to 6 s": 4}
 
 
 def test_samples_of_one_file_are_left_out_and_no_others(ingest):

@@ -14,7 +14,7 @@ from mapmore_cli.annexes.drafting.answers import Answers, read_names
 from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.reading import read_draft
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.ingestion.samples import unwrapped
+from mapmore_cli.ingestion.reading import unwrapped
 from mapmore_cli.modelling.signals.sampling import longest_ascent
 from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.study.loader import load

@@ -1,3 +1,4 @@
+import os
 from contextlib import nullcontext
 from types import SimpleNamespace
 
@@ -8,6 +9,7 @@ from reading import refused
 
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.files import find_sources, unique_ids
+from mapmore_cli.ingestion.globs import expand, is_file_named
 from mapmore_cli.study.sections.logs import FileEntry
 
 
@@ -118,8 +120,10 @@ def test_ids_are_as_short_as_unique_names_allow(paths):
 
 def test_globs_that_lead_through_a_whole_computer(tree, monkeypatch):
     deep = "../*/*.csv"
-    assert len(find_sources([deep], tree)) == 4
-    monkeypatch.setattr("mapmore_cli.ingestion.files.MOST_FOLDERS", 2)
+    for most in (20_000, 3):
+        monkeypatch.setattr("mapmore_cli.ingestion.globs.MOST_FOLDERS", most)
+        assert len(find_sources([deep], tree)) == 4
+    monkeypatch.setattr("mapmore_cli.ingestion.globs.MOST_FOLDERS", 2)
     for pattern in (deep, "../**/*.csv"):
         with refused(f"{pattern}: matches paths through more than 2 folders", "`measured/*/*.csv`"):
             find_sources([pattern], tree)
@@ -154,3 +158,53 @@ def test_a_glob_enters_no_folder_with_results(tree):
     assert [one.id for one in find_sources(["../out/a/*.csv"], tree)] == ["scores"]
     (tree.parent / "campaign/campaign.json").write_text('{"creator": "another program"}')
     assert len(find_sources(["../*/*.csv"], tree)) == len(before[1]) + 1
+
+
+def test_what_is_no_file_of_a_recording_is_named(tree):
+    (tree / "gone.csv").symlink_to("nowhere.csv")
+    os.mkfifo(tree / "pipe.csv")
+    (tree / "empty.csv").write_text("")
+    (tree / "a`b.csv").write_text("1\n")
+    for name, told in (
+        ("gone.csv", "is a link to a file that does not exist"),
+        ("pipe.csv", "is not a regular file"),
+        ("empty.csv", "is empty"),
+        ("a`b.csv", "must be one line of valid text"),
+    ):
+        with refused(told):
+            expand(f"{name[:-5]}?.csv", tree)
+    assert [path.name for path in expand("empty.csv", tree, may_be_empty=True)] == ["empty.csv"]
+    (tree / "none").mkdir()
+    with refused("none/a.csv: no such file", "none is empty"):
+        expand("none/a.csv", tree)
+    for number in range(5):
+        (tree / "none" / f"{number}.txt").write_text("")
+    with refused("contains: 0.txt, 1.txt, 2.txt, 3.txt, ..."):
+        expand("none/a.csv", tree)
+    (tree / "none" / "4.txt").unlink()
+    with refused("contains: 0.txt, 1.txt, 2.txt, 3.txt") as told:
+        expand("none/a.csv", tree)
+    assert told.value.remedy.endswith("3.txt")
+
+
+def test_a_folder_that_links_lead_back_to_is_entered_once(tree):
+    (tree / "back").symlink_to("..")
+    (tree / "sub").mkdir()
+    found = [path.relative_to(tree).as_posix() for path in expand("**/*.csv", tree)]
+    assert found == ["back/b/run_10.csv", "back/b/run_2.csv", "here.csv", "x [1].csv"]
+
+
+@pytest.mark.parametrize(
+    ("name", "pattern", "named"),
+    [
+        *(("in/a.csv", "a.csv", True), ("in/a.csv", "*.csv", True), ("in/a.csv", "in/*", True)),
+        *(("in/a.csv", "./in/a.csv", True), ("in/a[1].csv", "a[1].csv", True)),
+        *(
+            ("in/a.csv", "b.csv", False),
+            ("in/a.csv", "out/*.csv", False),
+            ("in/a", "in", False),
+        ),
+    ],
+)
+def test_a_pattern_without_folders_names_files_in_all_folders(tree, name, pattern, named):
+    assert is_file_named(name, pattern, tree) is named

@@ -250,6 +250,21 @@ def test_segmentation_holds_rows_and_no_samples(tmp_path):
         assert file["curves/all/boundaries/all"].compression is None
 
 
+@pytest.mark.parametrize(
+    ("size", "packed"), [(4095, None), (4096, "gzip"), (131_071, "gzip"), (131_072, None)]
+)
+def test_arrays_of_middle_length_are_compressed(size, packed, tmp_path):
+    curve = replace(
+        examples()["segmentation"][0], segments=(Segment("s", "c", (1,), 2 * np.arange(size)),)
+    )
+    artefacts.write_segmentation(tmp_path / "s.h5", (curve,))
+    with h5py.File(tmp_path / "s.h5") as file:
+        found = []
+        file.visititems(lambda name, node: found.append(node) if "rows" in name else None)
+        assert [(node.compression, node.shuffle) for node in found] == [(packed, bool(packed))]
+    assert same(artefacts.read_segmentation(tmp_path / "s.h5"), (curve,))
+
+
 def test_model_carries_long_provenance(tmp_path):
     spec = "fit: {max_terms: 1}\n" * 10_000  # more than an attribute can hold
     artefacts.write_model(tmp_path / "m.h5", examples()["model"], {"experiment.yaml": spec})

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
-from mapmore_cli.domain.errors import WriteError
+from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.storage import artefacts, atomic, ownership, run_folder
 from mapmore_cli.storage.atomic import (
@@ -23,7 +23,15 @@ from mapmore_cli.storage.atomic import (
     unfinished_beside,
 )
 from mapmore_cli.storage.outputs import refuse_needed, write_bytes, write_text, written_as_text
-from mapmore_cli.storage.run_folder import open_run_folder, recover, run_lock, stage_folder, swap_in
+from mapmore_cli.storage.run_folder import (
+    RunFiles,
+    is_tidy,
+    open_run_folder,
+    recover,
+    run_lock,
+    stage_folder,
+    swap_in,
+)
 from mapmore_cli.storage.stamps import stamps_of, take_stamp
 
 
@@ -92,8 +100,14 @@ def test_only_refusals_in_the_folder_are_write_errors(tmp_path):
         raise PermissionError(errno.EACCES, "refused", str(tmp_path / "fit.h5"))
     with pytest.raises(PermissionError), refusals_told(tmp_path / "run"):
         raise PermissionError(errno.EACCES, "refused", str(tmp_path / "data.csv"))
-    with pytest.raises(WriteError), refusals_told(tmp_path):
-        full_disk()
+    with pytest.raises(WriteError, match=f"{tmp_path}: cannot"), refusals_told(tmp_path / "run"):
+        raise PermissionError(errno.EACCES, "refused", os.fsencode(tmp_path))
+    with pytest.raises(OSError, match="odd"), refusals_told(tmp_path):
+        raise OSError(errno.EIO, "odd", str(tmp_path))
+    for fault in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG):  # whatever the file
+        with pytest.raises(WriteError, match="cannot be written") as told, refusals_told(tmp_path):
+            raise OSError(fault, "", "/elsewhere")
+        assert "make room" in told.value.remedy
 
 
 def test_stamp_is_taken_again_when_size_or_time_changed(tmp_path):
@@ -347,6 +361,33 @@ def test_a_folder_in_place_of_the_lock(tmp_path):
         run_lock(tmp_path),
     ):
         pass
+
+
+def test_only_one_process_writes_a_run(tmp_path):
+    for _ in range(2):
+        with (
+            run_lock(tmp_path),
+            pytest.raises(WriteError, match="another process is writing this run"),
+            run_lock(tmp_path),
+        ):
+            pass
+
+
+def test_remains_of_a_process_show_that_a_run_is_not_tidy(tmp_path):
+    for name, tidy in (
+        *(("fit.h5", True), (".tmp-x", True), (".tmp-0123456789ab-fit.h5", False)),
+        *((".old-report", False), ("x.old-report", True)),
+    ):
+        (tmp_path / name).write_text("")
+        assert is_tidy(tmp_path) is tidy
+        (tmp_path / name).unlink()
+
+
+def test_the_structures_of_a_search_are_read_or_told_to_be_damaged(tmp_path):
+    assert RunFiles(tmp_path).search() is None
+    (tmp_path / "search.json").write_text("{")
+    with pytest.raises(DataError, match=r"search\.json: is damaged"):
+        RunFiles(tmp_path).search()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="flock is of POSIX")

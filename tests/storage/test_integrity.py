@@ -5,9 +5,10 @@ values are those that were written.
 import os
 import random
 import tracemalloc
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
 
 import h5py
 import numpy as np
@@ -48,6 +49,10 @@ def model(tmp_path):
             "theta_error, has 2 values, but other arrays with the dimension (k) have 1",
         ),
         (put(THETA, [[1.0, 2.0]]), "theta, is not an array of 1 dimensions of float64"),
+        (put(f"{SEGMENT}/theta/from", 1), "theta, lies beyond the end of "),
+        (put(f"{SEGMENT}/theta/from", -1), "theta, is not a reference to its array"),
+        (put(f"{SEGMENT}/theta/array", "document"), "theta, is not a reference to its array"),
+        (put("document", data=np.zeros(3)), "document, is not a text of at most 32 MB"),
         (put(THETA, [np.nan, 1.0]), "theta, is not finite"),
         (put("body/curves/all/boundaries/all", [0.2, 0.1]), "boundaries/000, does not ascend"),
         (put(f"{CURVE}/limits/strain", [0.2, 0.1]), "limits/strain, does not ascend"),
@@ -179,6 +184,24 @@ def test_a_model_with_one_name_for_two_quantities_is_refused_in_words():
     assert twice == f"in the model {model.name}: two quantities have the same name"
 
 
+def test_ten_sums_within_each_other_are_read_and_sixteen_are_not(model):
+    whole = examples()["model"]
+    for depth in range(1, 17):
+        whole = replace(whole, body=Sum((Part(whole, 1.0, {}),)))
+        if depth in (10, 16):
+            artefacts.write_model(model, whole)
+            with nullcontext() if depth == 10 else pytest.raises(DataError, match="more than 60"):
+                assert same(artefacts.read_model(model), whole)
+
+
+def test_a_file_can_be_written_by_any_thread(model):
+    model.unlink()
+    thread = Thread(target=artefacts.write_model, args=(model, examples()["model"]))
+    thread.start()
+    thread.join()
+    assert same(artefacts.read_model(model), examples()["model"])
+
+
 @pytest.mark.parametrize("value", [np.zeros(3), h5py.Empty("f8"), 1.5, b"\xff\xfe"])
 @pytest.mark.parametrize(
     ("attribute", "words"),
@@ -244,6 +267,7 @@ def _million_links(file):
             "holds neither numbers nor texts",
         ),
         (put(THETA, data=h5py.Empty("f8")), "has no values"),
+        (lambda file: file.__setitem__("type", np.dtype("f8")), "neither a group nor a dataset"),
         (
             put("document", data="x" * 10, dtype=h5py.string_dtype()),
             "nor texts of a declared length",

@@ -18,7 +18,8 @@ from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
-from mapmore_cli.storage.run_record import read_scores, stale_stages, write_scores
+from mapmore_cli.storage.run_record import stale_stages
+from mapmore_cli.storage.scores import read_scores, write_scores
 
 ROW = Score(
     "mapmore",

@@ -20,7 +20,7 @@ from pydantic import TypeAdapter
 from mapmore_cli.checking import findings
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.scores import Alert, Limit, Published
-from mapmore_cli.ingestion.files import expand, relative_name
+from mapmore_cli.ingestion.globs import expand, relative_name
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.jobs import Finished, Job, run_one
 from mapmore_cli.pipeline.staleness import needed_runs, pipeline

@@ -30,7 +30,8 @@ from mapmore_cli.domain.errors import DataError, SpecError, Warn
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
 from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources
-from mapmore_cli.ingestion.samples import Samples, read_tables
+from mapmore_cli.ingestion.reading import read_tables
+from mapmore_cli.ingestion.samples import Samples
 from mapmore_cli.storage.tables.cells import NotANumber
 from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import default_unit

@@ -12,7 +12,7 @@ from typing import Any
 from mapmore_cli.annexes.drafting.draft import Draft, Named, Section
 from mapmore_cli.annexes.drafting.names import Condition
 from mapmore_cli.annexes.drafting.studies import Study
-from mapmore_cli.ingestion.files import expand, relative_name
+from mapmore_cli.ingestion.globs import expand, relative_name
 
 
 def patterns(files: Sequence[Path], folder: Path, bad: Iterable[Path] = ()) -> list[str]:

@@ -19,7 +19,7 @@ from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.titles import name_in
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.ingestion.files import relative_name
+from mapmore_cli.ingestion.globs import relative_name
 from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.storage.run_record import holds_results
 from mapmore_cli.study.loader import SCHEMA

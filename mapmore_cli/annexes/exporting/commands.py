@@ -10,7 +10,7 @@ import typer
 from mapmore_cli.cli import console
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.storage.outputs import write_chosen
+from mapmore_cli.storage.outputs import refuse_early, write_chosen
 
 
 def export(
@@ -64,7 +64,12 @@ def export(
     C, FMUs, modules and functions are compared with `predict` on 100 points before they are
     written. At the end, lines that call the exported code are printed.
     """
-    from mapmore_cli.annexes.exporting.exports import EXPORTERS, exported, snippet
+    from mapmore_cli.annexes.exporting.exports import (
+        EXPORTERS,
+        exported,
+        names_of_files,
+        snippet,
+    )
     from mapmore_cli.modelling import kinds
     from mapmore_cli.storage.artefacts import read_model
 
@@ -89,6 +94,9 @@ def export(
 
             valve = kinds.alone(read_model(pressure, reporter.warn))
             model = actuator(kinds.alone(model), valve)
+        if output.is_dir():  # otherwise the folder is made, and nothing lies in it
+            for name in names_of_files(model, to):
+                refuse_early(output / name, chosen=True)
         files = exported(
             model, to, single=single, grid=grid, verify=not no_verify, warn=reporter.warn
         )

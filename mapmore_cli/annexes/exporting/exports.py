@@ -43,6 +43,8 @@ class Form(NamedTuple):
     - `options`: options of the command that work with this form.
     - `whole`: True if all outputs of a model are written together, otherwise each is written alone.
     - `notice`: True if files of code get the notice of mapmore's licence.
+    - `endings`: what follows the name of the model in the names of those files that are written for
+      every model.
     """
 
     write: Exporter
@@ -50,21 +52,23 @@ class Form(NamedTuple):
     options: Collection[str] = ()
     whole: bool = False
     notice: bool = True
+    endings: Sequence[str] = ()
 
 
+_C = (".h", ".c", "_main.c")
 EXPORTERS: dict[str, Form] = {
-    "c": Form(c_files, "c.sh", ("--float", "--pressure"), whole=True),
-    "fmu": Form(unit_file, "fmu.py", ("--pressure",)),
-    "fmu3": Form(partial(unit_file, standard=3), "fmu.py"),
-    "csv": Form(lookup_table, options=("--grid",)),
-    "tex": Form(tex_equations, "tex.tex", whole=True),
-    "py": Form(partial(module_file, plain=True), "py.py"),
-    "numpy": Form(module_file, "numpy.py"),
-    "table": Form(table_files, "table.m", ("--grid",)),
-    "matlab": Form(matlab_file, "matlab.m"),
-    "js": Form(javascript_file, "js.mjs"),
-    "mujoco": Form(mujoco_files, "mujoco.py"),
-    "simulink": Form(simulink_files, "simulink.m"),
+    "c": Form(c_files, "c.sh", ("--float", "--pressure"), whole=True, endings=_C),
+    "fmu": Form(unit_file, "fmu.py", ("--pressure",), endings=(".fmu",)),
+    "fmu3": Form(partial(unit_file, standard=3), "fmu.py", endings=("_fmi3.fmu",)),
+    "csv": Form(lookup_table, options=("--grid",), endings=(".csv",)),
+    "tex": Form(tex_equations, "tex.tex", whole=True, endings=(".tex",)),
+    "py": Form(partial(module_file, plain=True), "py.py", endings=(".py",)),
+    "numpy": Form(module_file, "numpy.py", endings=(".py",)),
+    "table": Form(table_files, "table.m", ("--grid",), endings=(".csv", ".mat")),
+    "matlab": Form(matlab_file, "matlab.m", endings=(".m",)),
+    "js": Form(javascript_file, "js.mjs", endings=(".mjs",)),
+    "mujoco": Form(mujoco_files, "mujoco.py", endings=(*_C, "_mujoco.c")),
+    "simulink": Form(simulink_files, "simulink.m", endings=(*_C, "_simulink.h", "_simulink.c")),
 }
 """Forms by the word after `--to`. To add a form, add a row, and a sentence to the help."""
 _FUNCTION: type[Exporter] = Callable  # type: ignore[assignment]  # any function may be an exporter
@@ -81,7 +85,7 @@ def snippet(model: Model, to: str, files: Sequence[str]) -> str:
     form = EXPORTERS[to]
     if not form.snippet:
         return ""
-    model = model if form.whole else model.each[0]
+    model = _parts(model, form)[0]
     places, kept = middle(model), program_of(model).kept
     names = names_of_inputs(model.inputs)
     return rendered_template(
@@ -94,6 +98,32 @@ def snippet(model: Model, to: str, files: Sequence[str]) -> str:
         step=kept.step,
         fed_back=bool(kept.fed_back),
     )
+
+
+def names_of_files(model: Model, to: str) -> list[str]:
+    """Return the names of the files that a form writes for every model. The names are known before
+    the code is made. A form of a plug-in has none.
+
+    Raises UsageError if there is no such form, and for a name of the model without a letter.
+    """
+    form = _form(to)
+    return [
+        f"{identifier(output.name)}{ending}"
+        for ending in form.endings
+        for output in _parts(model, form)
+    ]
+
+
+def _form(to: str) -> Form:
+    """Return one of the `EXPORTERS`. Raises UsageError if there is no such form."""
+    if to not in EXPORTERS:
+        raise UsageError(f"there is no export to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
+    return EXPORTERS[to]
+
+
+def _parts(model: Model, form: Form) -> Sequence[Model]:
+    """Return the models that a form writes one by one: the model, or the model of each output."""
+    return [model] if form.whole else model.each
 
 
 def exported(
@@ -118,10 +148,8 @@ def exported(
     without a letter; DataError if a part of the model has no closed expression; MapmoreError if the
     code gives other numbers than `predict`.
     """
-    if to not in EXPORTERS:
-        raise UsageError(f"there is no export to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
-    form, files = EXPORTERS[to], dict[str, str | bytes]()
-    for output in [model] if form.whole else model.each:
+    form, files = _form(to), dict[str, str | bytes]()
+    for output in _parts(model, form):
         of_output = form.write(output, Wanted(single, grid, verify, warn))
         _refuse_odd(to, of_output)
         files |= of_output

@@ -134,7 +134,8 @@ class FileKind(Generic[T]):
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
         mark = _mark(path)
         _as_written[mark] = digest.hexdigest()
-        # as in a file, arrays must be contiguous, because the last digit of a sum may depend on it
+        # Arrays from a file are contiguous. A record with other arrays is not kept, because the
+        # last digit of a sum over an array can depend on this.
         if mark[-1] < ROOM and all(array.value.flags.c_contiguous for array in arrays):
             _keep(mark, record)
 

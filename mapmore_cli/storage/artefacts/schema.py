@@ -100,8 +100,8 @@ class Hint(NamedTuple):
     """A type hint split into its parts.
 
     - `kind`: the type without its brackets; Union for several types.
-    - `inner`: the contents of the brackets; for an array, the type of its numbers. - `checks`,
-      `letters`, `description`, `unit`: the annotations of the hint.
+    - `inner`: the contents of the brackets; for an array, the type of its numbers.
+    - `checks`, `letters`, `description`, `unit`: the annotations of the hint.
     """
 
     kind: Any

@@ -222,8 +222,8 @@ class Reader:
     - `name`: value of `data.reader`.
     - `read`: function that reads the wanted columns of a file, with one table for every recording
       in it. The gate (`tables/gate.py`) checks its result.
-    - `suffixes`: suffixes of such files, in lower case. - `keys`: keys of `data` that this reader
-      uses, besides the keys that every reader uses.
+    - `suffixes`: suffixes of such files, in lower case.
+    - `keys`: keys of `data` that this reader uses, besides the keys that every reader uses.
     - `column`: example of the name of a column in a spec.
     - `by_index`: True if columns can also be addressed by their 0-based index.
     - `peek`: function that reads the first rows of a file in every way that may be meant, the most
@@ -252,7 +252,7 @@ def locate_columns(
 
     `names` are the names in the header, or None if there is no header; `hint` replaces the usual
     remedy if the reader knows a better one. Raises DataError for a column that does not exist, or
-    whose name occurs twice in the header.
+    whose name occurs twice in the header. Blanks around a name are ignored.
     """
     label, places = request.label, dict[SourceColumn, int]()
     for column in request.columns:
@@ -273,19 +273,11 @@ def locate_columns(
                 hint or known_names(column, list(filter(None, names)), "The header has"),
             )
         else:
-            remedy = "Give its 0-based index instead."
-            refuse_namesakes(column, names, f"{label}: column '{column}'", "the header", remedy)
+            if (count := [name.strip() for name in names].count(column.strip())) > 1:
+                what = f"{label}: column '{column}' occurs {count} times in the header"
+                raise DataError(what, "Give its 0-based index instead.")
             places[column] = names.index(column)
     return places
-
-
-def refuse_namesakes(name: str, names: Sequence[str], what: str, where: str, remedy: str) -> None:
-    """Raise DataError if a name occurs more than once among the `names` of a file, because it is
-    ambiguous; blanks around a name are ignored.
-    """
-    count = sum(other.strip() == name.strip() for other in names)
-    if count > 1:
-        raise DataError(f"{what} occurs {count} times in {where}", remedy)
 
 
 def known_names(name: str, known: Sequence[str], introduction: str, most: int = 12) -> str:

@@ -1,7 +1,7 @@
 """Judge what readers report about their files, in one place for all readers (the gate).
 
-Duplicate names are refused when a name is looked up (`refuse_namesakes`), and cells without a
-number when a cell is read (`cells.CellReader`).
+Duplicate names are refused when a name is looked up (`locate_columns`, `Member.named`), and cells
+without a number when a cell is read (`cells.CellReader`).
 """
 
 from __future__ import annotations

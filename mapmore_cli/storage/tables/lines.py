@@ -40,7 +40,9 @@ LAST_LINES = 50
 """Number of lines at the end of a text with which its last line is compared."""
 
 KEPT = 1 << 16
-"""Bytes before the place of reading that are kept, for the comparison of the last lines."""
+"""Number of bytes before the current position that stay in the buffer, so that the last line can be
+compared with the lines before it.
+"""
 
 LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n)")
 

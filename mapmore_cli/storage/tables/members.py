@@ -24,7 +24,6 @@ from mapmore_cli.storage.tables import (
     SourceColumn,
     TableRequest,
     known_names,
-    refuse_namesakes,
 )
 from mapmore_cli.storage.tables.cells import DATES, CellReader, NotANumber
 from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
@@ -74,15 +73,17 @@ class Member:
         return not self.names and self.count is None
 
     @cached_property
-    def _namesakes(self) -> set[str]:
-        """Names of several members; blanks around a name are ignored."""
-        return {name for name, times in Counter(map(str.strip, self.names)).items() if times > 1}
+    def _counts(self) -> Mapping[str, int]:
+        """Number of members with each name; blanks around a name are ignored."""
+        return Counter(map(str.strip, self.names))
 
     def named(self, name: str) -> Member:
         """Return the member with this name. Raises DataError if several members have it."""
-        if name.strip() in self._namesakes:
-            remedy = "Give each a name of its own in the program that wrote the file."
-            refuse_namesakes(name, self.names, f"'{name}'", self.kind, remedy)
+        if (count := self._counts[name.strip()]) > 1:
+            raise DataError(
+                f"'{name}' occurs {count} times in {self.kind}",
+                "Give each a name of its own in the program that wrote the file.",
+            )
         return self.member(name)
 
 

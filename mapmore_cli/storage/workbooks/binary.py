@@ -1,5 +1,5 @@
-"""Extract what workbooks of older programs (.xls) contain about cells besides their values, for
-example errors.
+"""Extract facts about cells, for example errors, from workbooks of older programs (.xls). The
+values of the cells are read elsewhere.
 
 The records of a sheet (BIFF) are a stream in a file of sectors, which are chained by a table
 ([MS-CFB], [MS-XLS]).

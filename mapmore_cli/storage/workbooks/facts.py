@@ -1,5 +1,5 @@
-"""Represent facts that a workbook contains about its cells besides their values, for example errors
-and hidden rows.
+"""Represent facts about the cells of a workbook, for example errors and hidden rows. The values of
+the cells are read elsewhere.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ MOST = 1 << 20
 
 
 def hidden_rows(first: int, last: int) -> Fact:
-    """Return the record that says which rows are hidden."""
+    """Return the fact that the rows from `first` to `last` (0-based) are hidden."""
     return first, 0, last, MOST, HIDDEN
 
 
 def hidden_columns(first: int, last: int) -> Fact:
-    """Return the record that says which columns are hidden."""
+    """Return the fact that the columns from `first` to `last` (0-based) are hidden."""
     return 0, first, MOST, last, HIDDEN
 
 
@@ -58,8 +58,8 @@ def never_computed(empty: Iterable[tuple[int, int]], computed: bool) -> Iterator
     """Yield the formulas that were never computed. `empty` holds the row and column of each formula
     whose stored value is an empty text.
 
-    If no formula of the sheet has a value (`computed` is False), none was computed. If another
-    formula has one, an empty text is the computed value.
+    If another formula of the sheet has a value (`computed` is True), all formulas were computed,
+    and the empty texts are their values. Otherwise none was computed.
     """
     if not computed:
         yield from ((row, column, row, column, NEVER_COMPUTED) for row, column in empty)

@@ -1,5 +1,5 @@
-"""Extract what workbooks that are archives of XML (.xlsx, .ods) contain about cells besides their
-values, for example errors.
+"""Extract facts about cells, for example errors, from workbooks that are archives of XML (.xlsx,
+.ods). The values of the cells are read elsewhere.
 """
 
 from __future__ import annotations

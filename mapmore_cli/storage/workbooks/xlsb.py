@@ -1,5 +1,5 @@
-"""Extract what binary workbooks in an archive (.xlsb) contain about cells besides their values, for
-example errors.
+"""Extract facts about cells, for example errors, from binary workbooks in an archive (.xlsb). The
+values of the cells are read elsewhere.
 
 Each record is preceded by its kind and its length, which are encoded with seven bits per byte
 ([MS-XLSB], 2.1.4).

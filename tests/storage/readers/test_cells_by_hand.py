@@ -12,6 +12,7 @@ from mapmore_cli.storage.tables import thousands as module
 from mapmore_cli.storage.tables.below import chosen_table, tables_below
 from mapmore_cli.storage.tables.cells import (
     CellReader,
+    Lacking,
     NotANumber,
     holds_number,
     number_of,
@@ -75,6 +76,13 @@ def test_texts_are_numbered_from_one_in_their_order():
     read = CellReader(missing=frozenset({"?"}), texts=texts)
     assert [read(cell) for cell in ("b", " a ", "b", 1.0, "1", b"a")] == [1, 2, 1, 3, 3, 2]
     assert np.isnan([read(cell) for cell in ("NA", "?", "")]).all()
+    assert np.isnan(read(Lacking("is one of the merged cells A1:A2", "")))
+    for lacking, reader in (
+        (Lacking("is odd", "", "="), read),
+        (Lacking("is odd", ""), CellReader()),
+    ):
+        with pytest.raises(NotANumber, match="is odd"):
+            reader(lacking)
     assert texts == {"b": 1, "a": 2, "1": 3}
 
 
@@ -104,7 +112,7 @@ def test_an_unknown_cell_is_told_from_one_of_a_known_kind():
     assert (error.message, error.at("", "so").remedy) == ("here: 'a' is odd", "so")
     assert NotANumber("", "is odd", "").message == "is odd"
     with pytest.raises(NotANumber) as error:
-        CellReader(clock=True, usual="")("abc")
+        CellReader(clock=True)("3/1/2026")
     assert "%H" not in error.value.remedy
     assert "%I" in error.value.remedy
 
@@ -198,6 +206,12 @@ def test_tables_below_each_other():
     assert (third.header, len(third.rows)) == ([(13, ["1", "2", "3"])], 2)
     (mixed,) = tables_below(rows("a;b;c\nx;1;2\ny;3;4"), 1, holds_number)
     assert len(mixed.rows) == 2  # two numbers make a row of a table, also beside a word
+    # a single row of another width ends no table; after a blank line, it is no row of the table
+    for text, count in (("1;2\n3;4\n5;6;7", 3), ("1;2\n3;4\n\n5;6;7", 2)):
+        (one,) = tables_below(rows(text), 0, holds_number)
+        assert len(one.rows) == count
+    (labelled,) = tables_below(rows("t;x;y\nMaximum:;5;6\n1;2;3\n4;5;6"), 2, holds_number)
+    assert [number for number, _ in (*labelled.header, *labelled.rows)] == [1, 2, 3, 4]
     parts = tables_below(rows("1;2\n3;4\n\n5;6\n7;8\nF;1\n1;2\n3;4"), 0, holds_number)
     assert [[number for number, _ in part.rows] for part in parts] == [[1, 2], [4, 5], [7, 8]]
 
@@ -208,6 +222,9 @@ def test_a_table_is_chosen_by_its_number_from_one():
     assert chosen_table(rows(BELOW), of[3], holds_number).title == "u v w"
     with pytest.raises(DataError, match="3 tables were found"):
         chosen_table(rows(BELOW), of[4], holds_number)
+    for text in ("", "a;1;2", "a\n3;4"):
+        with pytest.raises(DataError, match="contains no map"):
+            chosen_table(rows(text), TableRequest("a", (), table="map"), holds_number)
 
 
 def test_cells_that_a_row_or_a_record_lacks_are_missing():

@@ -14,7 +14,7 @@ from reading import csv_table, refusal
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, TableRequest
-from mapmore_cli.storage.readers.csv import values_of_records
+from mapmore_cli.storage.tables.fields import values_of_records
 
 PATIENT = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 EXPECTED = np.array([[0.0, 1.5], [0.5, -2000.25], [1.0, np.nan]])
@@ -223,6 +223,12 @@ def test_one_odd_line_costs_its_chunk_alone(tmp_path, monkeypatch):
         table.columns["F"], [np.nan if i in (36, 37) else i for i in range(100)]
     )
     np.testing.assert_array_equal(table.rows, np.arange(2, 102))
+
+
+def test_a_record_may_begin_with_an_empty_field(tmp_path):
+    table = csv_table(tmp_path / "a", b"t,P\n1,2\n,5\n\n3,n/a\n", "P")
+    np.testing.assert_array_equal(table.columns["P"], [2, 5, np.nan])
+    assert [*table.rows] == [2, 3, 5]
 
 
 def test_a_quoted_field_may_go_on_in_the_next_block(tmp_path, monkeypatch):

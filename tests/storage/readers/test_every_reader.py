@@ -7,9 +7,10 @@ import pytest
 from common import files_without_parts
 from reading import refusal
 
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage import readers
 from mapmore_cli.storage.readers import READERS
-from mapmore_cli.storage.tables import Reader
+from mapmore_cli.storage.tables import IN_MEMORY, RawTable, Reader, reading
 
 
 def test_every_file_of_the_folder_declares_a_reader_that_a_test_names():
@@ -57,3 +58,29 @@ def test_a_library_that_is_missing(tmp_path, monkeypatch, reader, module, librar
         tmp_path / "a",
         "t",
     )
+
+
+@pytest.mark.parametrize(
+    ("fault", "kind", "message"),
+    [
+        (FileNotFoundError(2, "none"), DataError, "a.csv: cannot be read: none"),
+        (OSError("odd\n end"), DataError, "a.csv: the file is damaged, or is no text: odd end"),
+        (KeyError(), DataError, "a.csv: the file is damaged, or is no text: KeyError"),
+        (UnboundLocalError("x"), DataError, "a.csv: the file is damaged, or is no text: x"),
+        (DataError("is odd"), DataError, "a.csv: is odd"),
+        (DataError("a.csv:row 2: is odd"), DataError, "a.csv:row 2: is odd"),
+        (NameError("x"), NameError, "x"),
+        (ImportError("x"), ImportError, "x"),
+    ],
+    ids=repr,
+)
+def test_errors_of_parsers_name_the_file_and_faults_of_the_program_do_not(fault, kind, message):
+    with pytest.raises(kind) as told, reading("a.csv", "text"):
+        raise fault
+    assert getattr(told.value, "message", str(told.value)) == message
+
+
+def test_a_sample_has_a_place_in_its_file_or_in_memory():
+    table = RawTable({}, [7, 9], "a.csv", "index")
+    assert table.at(1) == "a.csv:index 9"
+    assert RawTable({}, [7, 9], "a", IN_MEMORY).at(0) == "a, row 7 (from 0)"

@@ -6,8 +6,6 @@ import pytest
 from common import parts
 from reading import refusal, table_of
 
-from mapmore_cli.domain.errors import DataError
-
 T = np.arange(6.0)
 
 
@@ -76,14 +74,6 @@ x | run/pressure[*] | every element of an array of 6 | `root: run/pressure`
 def test_addresses_that_lead_nowhere(file, line):
     columns, root, *told = parts(line)
     refusal(told, "hdf5", file, *columns.split(), root=None if root == "-" else root)
-
-
-def test_cut_files_are_noticed(file, tmp_path):
-    whole = file.read_bytes()
-    for end in range(0, len(whole), max(1, len(whole) // 40)):
-        (tmp_path / "cut.h5").write_bytes(whole[:end])
-        with pytest.raises(DataError, match=r"a\.h5: the file is damaged, or is no HDF5 file"):
-            read(tmp_path / "cut.h5", "run/pressure")
 
 
 def test_one_column_is_read_without_the_others(tmp_path):

@@ -206,6 +206,9 @@ def test_ragged_recordings_end_with_the_shortest_column_where_the_spec_drops_wha
     ("name", "column", "expected"),
     [
         ("testhdf5_7.4_GLNX86.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
+        # on a machine whose numbers are big-endian
+        ("testdouble_6.1_SOL2.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
+        ("testdouble_4.2c_SOL2.mat", "testdouble", np.linspace(0, 2 * math.pi, 9)),
         ("testcell_7.4_GLNX86.mat", "testcell[3]", [1, 2, 3]),
         ("teststruct_7.4_GLNX86.mat", "teststruct.doublefield", [math.sqrt(2), math.e, math.pi]),
         ("teststructnest_6.5.1_GLNX86.mat", "teststructnest.one", [1]),

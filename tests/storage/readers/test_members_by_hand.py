@@ -18,6 +18,7 @@ from mapmore_cli.storage.tables.members import (
     size_in_words,
     tables,
 )
+from mapmore_cli.storage.tables.overview import Place, _columns_of, _places
 
 WHOLE = slice(None)
 
@@ -157,6 +158,16 @@ def test_stamps_and_durations_are_in_the_unit_of_the_column():
     np.testing.assert_array_equal(as_numbers(texts, "a"), [[1, 2.5], [1, np.nan]])
     with pytest.raises(DataError, match="a holds text, not real numbers: index 2"):
         as_numbers(np.array(["1", "1", "b"]), "a")
+
+
+def test_a_survey_is_of_five_hundred_members_and_tables_of_64_columns():
+    group = tree({f"v{n}": numbers([1.0, 2.0]) for n in range(600)})
+    places = _places(group, "/")
+    assert (len(places), places[1].address, places[-1].address) == (501, "v0", "v499")
+    for shape, count in (((100, 64), 64), ((64, 100), 64), ((100, 65), 0), ((65, 65), 0)):
+        columns = [*_columns_of(Place("m", "m", "", numbers(np.ones(shape))), 5)]
+        assert len(columns) == count
+        assert all((one.length, one.values.size) == (100, 5) for one in columns)
 
 
 def test_a_member_among_many_is_found_at_once():

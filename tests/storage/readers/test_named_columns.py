@@ -103,11 +103,3 @@ def test_units_that_a_table_in_parquet_notes(tmp_path, key, of_frame):
     parquet.write_table(pa.table({"P": T, "F": T}, schema=schema), tmp_path / "a.parquet")
     noted = table_of("parquet", tmp_path / "a.parquet", "P", "F").noted
     assert (noted["P"].unit, noted["F"].unit) == ("psi", "")
-
-
-@pytest.mark.parametrize("kind", ["npz", "parquet"])
-def test_every_cut_is_noticed(folder, kind):
-    whole = (folder / f"a.{kind}").read_bytes()
-    for end in range(0, len(whole), 97):
-        (folder / "cut").write_bytes(whole[:end])
-        refusal([f"a.{kind}: the file is damaged"], kind, folder / "cut", "t")

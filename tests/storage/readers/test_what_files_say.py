@@ -276,34 +276,22 @@ def test_which_of_several_sheets_was_read_is_told(tmp_path):
     assert table_of("xlsx", path, "F", sheet="now").doubts == ()
 
 
-def test_formulas_that_were_never_computed(tmp_path):
-    workbook(tmp_path / "a.xlsx", a=[["t", "F", "G"], [0, 1.0, "=A2"], [1, "=A3*2", 2]])
-    for request in ({}, {"incomplete": True}):
-        told = "a.xlsx:a:row 3, column F: is a formula that was never computed"
-        refusal(
-            [told, "open the workbook in Excel or LibreOffice and save it"],
-            "xlsx",
-            tmp_path / "a.xlsx",
-            "t",
-            "F",
-            **request,
-        )
-    assert list(table_of("xlsx", tmp_path / "a.xlsx", "t").columns["t"]) == [0, 1]
-    workbook(tmp_path / "all.xlsx", a=[["t", "F"], ["=ROW()", "=1+1"]])
-    refusal(
-        ["a.xlsx:a:row 2, column t: is a formula that was never computed"],
-        "xlsx",
-        tmp_path / "all.xlsx",
-        "t",
-        "F",
-    )
-
-
-def test_merged_cells(tmp_path):
-    made = workbook(tmp_path / "a.xlsx", a=[["t", "P", "F"], *([i, 100, i] for i in range(6))])
-    made["a"].merge_cells("B3:B5")
-    made["a"].merge_cells("D2:E3")
-    made.save(tmp_path / "a.xlsx")
-    told = "a.xlsx:a:row 4, column P: is one of the merged cells B3:B5"
-    refusal([told, "unmerge them"], "xlsx", tmp_path / "a.xlsx", "t", "P", "F")
-    assert table_of("xlsx", tmp_path / "a.xlsx", "t", "F").size == 6
+def test_hidden_rows_and_columns_are_told_or_left_out(tmp_path):
+    path = tmp_path / "a.xlsx"
+    made = workbook(path, a=[["t", "F", "G"], *([i, 10 * i, 0] for i in range(5))])
+    for row in (3, 5):
+        made["a"].row_dimensions[row].hidden = True
+    made["a"].column_dimensions["B"].hidden = True
+    made.save(path)
+    kept = table_of("xlsx", path, "t", "G")
+    assert [*kept.rows] == [2, 3, 4, 5, 6]
+    assert [told.partition(";")[0] for told in kept.doubts] == [
+        "a.xlsx:a: 2 hidden rows are read (first: row 3)"
+    ]
+    shown = table_of("xlsx", path, "F", hidden="drop")
+    assert ([*shown.rows], shown.columns["F"].tolist()) == ([2, 4, 6], [0, 20, 40])
+    assert shown.doubts == ("a.xlsx:a: the column 'F' is hidden in the workbook, and is read",)
+    for row in range(2, 7):
+        made["a"].row_dimensions[row].hidden = True
+    made.save(path)
+    refusal(["no row that is shown", "`hidden: drop`"], "xlsx", path, "t", hidden="drop")

@@ -113,6 +113,17 @@ def test_dates_count_as_seconds_in_the_column_of_the_time(tmp_path):
         refusal(parts, "xlsx", path, column, header=0)
 
 
+@pytest.mark.parametrize("year", [1900, 1904])
+def test_dates_count_from_the_year_of_the_workbook(tmp_path, year):
+    made = workbook(tmp_path / "a.xlsx", a=[])
+    made.epoch = datetime(year, 1, 1) if year == 1904 else made.epoch
+    for second in (0, 1):
+        made["a"].append([datetime(2026, 3, 1, 12, 0, second)])
+    made.save(tmp_path / "a.xlsx")
+    table = read(tmp_path / "a.xlsx", 0, header=0, clocks=frozenset({0}))
+    np.testing.assert_allclose(table.columns[0], [1772366400, 1772366401], atol=1e-3)
+
+
 def test_wrong_dimensions_of_other_software_do_not_cut_the_sheet(book, tmp_path):
     patched = tmp_path / "patched.xlsx"
     with zipfile.ZipFile(book) as old, zipfile.ZipFile(patched, "w") as new:
@@ -149,23 +160,15 @@ def test_what_a_workbook_lacks(book, columns, request_, parts):
     refusal(parts, "xlsx", book, *columns, **request_)
 
 
-def test_every_cut_of_a_workbook_is_noticed(book, tmp_path):
-    whole = book.read_bytes()
-    cut = tmp_path / "cut.xlsx"
-    for end in range(0, len(whole), 211):
-        cut.write_bytes(whole[:end])
-        with pytest.raises(DataError, match=r"a\.xlsx: the file is damaged, or is no workbook"):
-            read(cut, "t", sheet="Run1")
-
-
 def test_sheet_with_broken_bytes_inside_is_noticed(book, tmp_path):
     whole = bytearray(book.read_bytes())
     place = whole.find(b"xl/worksheets/sheet2.xml") + 30
     whole[place : place + 40] = bytes(40)
     broken = tmp_path / "broken.xlsx"
     broken.write_bytes(whole)
-    with pytest.raises(DataError, match=r"a\.xlsx: the file is damaged"):
+    with pytest.raises(DataError, match=r"a\.xlsx: the file is damaged") as told:
         read(broken, "t", sheet="Run1")
+    assert "memory" not in told.value.message  # the reading process says what is wrong
 
 
 def test_bombs_are_not_unpacked(tmp_path, monkeypatch):
