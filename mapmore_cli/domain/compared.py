@@ -5,7 +5,7 @@ samples.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -58,20 +58,21 @@ class Compared:
 
     - `scale`: divisor of errors.
     - `free`: number of parameters that were fitted to these samples.
+    - `unknown`: names of the columns of the blocks in which every value is NaN.
     """
 
     blocks: Callable[[], Iterable[SampleBlock]]
     scale: Normaliser
     free: int = 0
+    unknown: Collection[str] = ()
 
     def total(self, of: Callable[[SampleBlock], Array | BoolArray]) -> float:
         """Return the sum of `function(block)` over all samples."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            return float(sum(float(np.sum(of(block))) for block in self.blocks()))
+        return float(sum(float(of(block).sum()) for block in self.blocks()))
 
     def spread(self, of: Callable[[SampleBlock], Array]) -> float:
         """Return the sum of squares of `function(block)` minus its mean, over all samples."""
-        mean = self.total(of) / max(self.total(lambda block: np.ones(len(of(block)))), 1)
+        mean = self.total(of) / max(sum(len(of(block)) for block in self.blocks()), 1)
         return self.total(lambda block: (of(block) - mean) ** 2)
 
     def median(self, of: Callable[[SampleBlock], Array]) -> float:

@@ -181,6 +181,8 @@ def score_rows(
         rows: dict[tuple[int, Any], tuple[str, list[ScoredSamples]]] = {}
         for number, (curve, forecast) in enumerate(zip(dataset.curves, forecasts, strict=True)):
             wanted = curve.held_out == held
+            if not wanted.any():
+                continue
             for place, name, samples in _rows_of(
                 curve, wanted & forecast.ready if partial else wanted, number, group
             ):
@@ -204,11 +206,22 @@ class ScoredSamples:
     forecast: Forecast
     wanted: BoolArray
 
+    @property
+    def columns(self) -> dict[str, Array | None]:
+        """The columns of the `SampleBlock`, (n,) each, except for the recorded values; None for a
+        column that is unknown.
+        """
+        return {
+            "measured": self.curve.columns[self.target],
+            "predicted": self.forecast.values,
+            "one_step": self.forecast.one_step,
+            "half": self.forecast.half,
+            "sigma": self.curve.columns.get(uncertainty_of(self.target)),
+        }
+
     def blocks(self) -> Iterator[SampleBlock]:
         """Yield the samples as one `SampleBlock` after the other."""
-        y, forecast = self.curve.columns[self.target], self.forecast
-        sigma = self.curve.columns.get(uncertainty_of(self.target))
-        columns = (y, forecast.values, forecast.one_step, forecast.half, sigma)
+        y, forecast, columns = self.curve.columns[self.target], self.forecast, self.columns.values()
         for rows in row_blocks(self.curve.size):
             wanted = self.wanted[rows]
             if wanted.any():
@@ -254,7 +267,12 @@ def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int)
     def blocks() -> Iterator[SampleBlock]:
         return chain.from_iterable(part.blocks() for part in parts)
 
+    columns = [column for part in parts for column in part.columns.items()]
+    unknown = {name for name, x in columns if x is None}
+    rest = scale, free, unknown - {name for name, x in columns if x is not None}
     if sum(part.curve.size for part in parts) > HELD:
-        return Compared(blocks, scale, free)
-    arrays = [np.concatenate(parts_of_column) for parts_of_column in zip(*blocks(), strict=True)]
-    return Compared(lambda: [SampleBlock(*arrays)] if arrays else [], scale, free)
+        return Compared(blocks, *rest)
+    held = [*blocks()]
+    if len(held) > 1:
+        held = [SampleBlock(*map(np.concatenate, zip(*held, strict=True)))]
+    return Compared(lambda: held, *rest)
