@@ -131,7 +131,6 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     models of other runs are added.
     """
     from mapmore_cli.modelling.frols.offsets import constant_alone, far_from_zero
-    from mapmore_cli.modelling.literature.backbone import pooled_training
     from mapmore_cli.storage.artefacts import write_fit
     from mapmore_cli.storage.artefacts.schema import units_of
 
@@ -142,7 +141,7 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     for note in alone:
         workspace.warn(note)
     pieces = [piece for fit in result.each for piece in fit.pieces]
-    for note in far_from_zero(pieces, pooled_training(dataset.curves)) if pieces else ():
+    for note in far_from_zero(pieces, dataset.curves):
         workspace.warn(note)
     result = replace(result, notes=(*alone, *result.notes))
     tied = (piece.id for fit in result.each for piece in fit.pieces if piece.selection.tied.any())
