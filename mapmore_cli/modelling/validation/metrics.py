@@ -110,7 +110,7 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     )
 
 
-HELD = 1 << 22
+HELD = 1 << 20
 """Largest number of samples of a row of the score table that are kept in memory. If there are more,
 they are read again, block by block, for each statistic.
 """
