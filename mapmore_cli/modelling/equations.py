@@ -90,7 +90,7 @@ def equation(
         known = {**at, **{short: evaluate(line, at, len(u)) for short, line in where.items()}}
         terms_of_sum = whole.terms if isinstance(whole, Sum) else (whole,)
         whole = add(*(_balanced(term, known, len(u)) for term in terms_of_sum))
-        exact = value(17)
+        exact = evaluate(whole, known, len(u))
         error = tolerance * (np.ptp(exact) or np.abs(exact).max())
         digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
     return as_equation(name, whole, digits, where, weight)
