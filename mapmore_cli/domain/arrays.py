@@ -109,12 +109,10 @@ def extremes(column: Array, mask: BoolArray | None = None) -> Ends:
     """Return the smallest and the largest value of a column, (n,), optionally of the rows in `mask`
     only; NaN if a value is NaN. Raises ValueError if there is no value.
     """
-    if mask is not None and mask.all():
-        mask = None
     if len(column) <= ROWS:  # fast path for the many short curves
         values = column if mask is None else column[mask]
         return float(values.min()), float(values.max())
-    if mask is not None:
+    if mask is not None and not mask.all():
         return _ends_of(blocks_where(column, mask))
     # the extremes of a mapped column are stored, because the contents of its file do not change
     of = _map_of(column)

@@ -58,13 +58,13 @@ class Compared:
 
     - `scale`: divisor of errors.
     - `free`: number of parameters that were fitted to these samples.
-    - `unknown`: names of the columns of the blocks in which every value is NaN.
+    - `known`: names of the columns of the blocks in which a value may be known.
     """
 
     blocks: Callable[[], Iterable[SampleBlock]]
     scale: Normaliser
     free: int = 0
-    unknown: Collection[str] = ()
+    known: Collection[str] = SampleBlock._fields
 
     def total(self, of: Callable[[SampleBlock], Array | BoolArray]) -> float:
         """Return the sum of `function(block)` over all samples."""

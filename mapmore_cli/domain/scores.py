@@ -33,14 +33,14 @@ class Measure:
     - `shown`: function that returns True if a row has a value for this column.
     - `at_least`: True if larger values are better, so that a limit in `validate.require` is a lower
       limit.
-    - `column`: column of the `SampleBlock` without which the number is NaN.
+    - `column`: column of the `SampleBlock` without which the number is unknown.
     """
 
     of: Callable[[Compared], float]
     heading: str = ""
     shown: Callable[[Score], bool] | None = None
     at_least: bool = False
-    column: str = ""
+    column: str = "measured"
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,7 @@ class Score:
         """Compute one row of the score table from the samples that belong to it."""
         with np.errstate(over="ignore", invalid="ignore"):
             numbers: dict[str, Any] = {
-                name: math.nan if measure.column in row.unknown else measure.of(row)
+                name: measure.of(row) if measure.column in row.known else math.nan
                 for name, measure in MEASURES.items()
             }
         return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache, partial
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -75,7 +75,8 @@ def equation(
     """
     whole, where = summed(terms, theta, scaling, units)
     whole = folded(whole)
-    u, at = _random_places(len(scaling.variables)), dict[str, Array]()
+    u = np.random.default_rng(0).uniform(size=(200, len(scaling.variables)))
+    at = {}
     for variable, part in zip(scaling.variables, u.T, strict=True):
         low, high = limits.get(variable) or limits.get(
             state(variable).quantity, (math.nan, math.nan)
@@ -94,14 +95,6 @@ def equation(
         error = tolerance * (np.ptp(exact) or np.abs(exact).max())
         digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
     return as_equation(name, whole, digits, where, weight)
-
-
-@cache
-def _random_places(count: int) -> Array:
-    """Return places in the unit cube at which an equation with so many inputs is evaluated, shape
-    (200, count).
-    """
-    return np.random.default_rng(0).uniform(size=(200, count))
 
 
 def rounded(expression: Expression, digits: int) -> Expression:

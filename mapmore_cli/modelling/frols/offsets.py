@@ -4,14 +4,14 @@ be distinguished, and on a model that is only a constant.
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from mapmore_cli.domain.arrays import Array, BoolArray, blocks_where
+from mapmore_cli.domain.arrays import blocks_where
 from mapmore_cli.domain.fits import SegmentFit
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import FitResult
+from mapmore_cli.modelling.frols.moments import Blocks, standard
 
 # largest ratio of an input's mean to its standard deviation for which there is no note
 # The error of a coefficient is about the rounding error times (mean/standard deviation)^2.
@@ -33,8 +33,9 @@ def far_from_zero(pieces: Sequence[SegmentFit], curves: Sequence[Curve]) -> list
     for name in curves[0].columns:
         if sum(re.search(rf"\b{name}\b", term) is not None for term in terms) < 2:
             continue
-        mean, spread = _mean_and_spread([(one.columns[name], one.training) for one in curves])
-        if 0 < FAR * spread < abs(mean):
+        known = standard(_training_values(curves, name))
+        mean, spread = known.centre[-1], known.spread[-1]
+        if FAR * spread < abs(mean):
             notes.append(
                 f"the mean of {name} is {abs(mean) / spread:.2g} times its spread away from "
                 f"zero, so that its terms differ only by rounding; subtract {mean:.6g} "
@@ -44,18 +45,10 @@ def far_from_zero(pieces: Sequence[SegmentFit], curves: Sequence[Curve]) -> list
     return notes
 
 
-def _mean_and_spread(parts: Sequence[tuple[Array, BoolArray]]) -> tuple[float, float]:
-    """Return the mean and the standard deviation of the values of all `parts`. Each part is a
-    column and the mask of the rows that count. Long columns are read block by block.
-    """
-
-    def mean_of(function: Callable[[Array], Array]) -> float:
-        blocks = (x for column, mask in parts for x in blocks_where(column, mask))
-        sums = [(float(function(x).sum()), len(x)) for x in blocks]
-        return sum(part for part, _ in sums) / sum(size for _, size in sums)
-
-    mean = mean_of(lambda x: x)
-    return mean, math.sqrt(mean_of(lambda x: (x - mean) ** 2))
+def _training_values(curves: Sequence[Curve], name: str) -> Blocks:
+    """Return the training samples of a quantity as blocks, both as the candidate and as y."""
+    parts = [(curve.columns[name], curve.training) for curve in curves]
+    return lambda: ((x[:, None], x) for part in parts for x in blocks_where(*part))
 
 
 def constant_alone(fit: FitResult) -> list[str]:

@@ -189,7 +189,8 @@ def score_rows(
                 part = ScoredSamples(curve, dataset.target, forecast, samples)
                 rows.setdefault(place, (name, []))[1].append(part)
         whole = [part for (kind, _), (_, parts) in rows.items() if kind == 0 for part in parts]
-        for name, parts in [("all", whole), *(rows[place] for place in sorted(rows))]:
+        rows_in_order = [("all", whole), *(rows[place] for place in sorted(rows))]
+        for name, parts in rows_in_order if whole else ():
             row = row_of_samples(parts, scale, free if split == "train" and parts is whole else 0)
             if row.n:
                 yield Score.of(model, target, split, name, row)
@@ -207,21 +208,15 @@ class ScoredSamples:
     wanted: BoolArray
 
     @property
-    def columns(self) -> dict[str, Array | None]:
-        """The columns of the `SampleBlock`, (n,) each, except for the recorded values; None for a
-        column that is unknown.
-        """
-        return {
-            "measured": self.curve.columns[self.target],
-            "predicted": self.forecast.values,
-            "one_step": self.forecast.one_step,
-            "half": self.forecast.half,
-            "sigma": self.curve.columns.get(uncertainty_of(self.target)),
-        }
+    def further(self) -> dict[str, Array | None]:
+        """Columns of the `SampleBlock`, (n,) each, that are None if they are unknown."""
+        sigma = self.curve.columns.get(uncertainty_of(self.target))
+        return {"one_step": self.forecast.one_step, "half": self.forecast.half, "sigma": sigma}
 
     def blocks(self) -> Iterator[SampleBlock]:
         """Yield the samples as one `SampleBlock` after the other."""
-        y, forecast, columns = self.curve.columns[self.target], self.forecast, self.columns.values()
+        y, forecast = self.curve.columns[self.target], self.forecast
+        columns = (y, forecast.values, *self.further.values())
         for rows in row_blocks(self.curve.size):
             wanted = self.wanted[rows]
             if wanted.any():
@@ -267,9 +262,8 @@ def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int)
     def blocks() -> Iterator[SampleBlock]:
         return chain.from_iterable(part.blocks() for part in parts)
 
-    columns = [column for part in parts for column in part.columns.items()]
-    unknown = {name for name, x in columns if x is None}
-    rest = scale, free, unknown - {name for name, x in columns if x is not None}
+    further = (column for part in parts for column in part.further.items())
+    rest = scale, free, {"measured", *(name for name, x in further if x is not None)}
     if sum(part.curve.size for part in parts) > HELD:
         return Compared(blocks, *rest)
     held = [*blocks()]
