@@ -5,7 +5,7 @@ samples.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -58,13 +58,11 @@ class Compared:
 
     - `scale`: divisor of errors.
     - `free`: number of parameters that were fitted to these samples.
-    - `known`: names of the columns of the blocks in which a value may be known.
     """
 
     blocks: Callable[[], Iterable[SampleBlock]]
     scale: Normaliser
     free: int = 0
-    known: Collection[str] = SampleBlock._fields
 
     def total(self, of: Callable[[SampleBlock], Array | BoolArray]) -> float:
         """Return the sum of `function(block)` over all samples."""
@@ -83,6 +81,12 @@ class Compared:
         values = np.concatenate([of(block)[::every] for block in self.blocks()])
         known = values[np.isfinite(values)]
         return float(np.median(known)) if len(known) else math.nan
+
+    @cached_property
+    def known(self) -> set[str]:
+        """Names of the columns in which a value is known."""
+        columns = (column for block in self.blocks() for column in block._asdict().items())
+        return {name for name, values in columns if np.isfinite(values).any()}
 
     @cached_property
     def n(self) -> int:

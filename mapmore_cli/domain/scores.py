@@ -33,14 +33,14 @@ class Measure:
     - `shown`: function that returns True if a row has a value for this column.
     - `at_least`: True if larger values are better, so that a limit in `validate.require` is a lower
       limit.
-    - `column`: column of the `SampleBlock` without which the number is unknown.
+    - `column`: column of the `SampleBlock` without which the number is NaN.
     """
 
     of: Callable[[Compared], float]
     heading: str = ""
     shown: Callable[[Score], bool] | None = None
     at_least: bool = False
-    column: str = "measured"
+    column: str = ""
 
 
 @dataclass(frozen=True)
@@ -183,9 +183,10 @@ class Score:
     @classmethod
     def of(cls, model: str, target: str, split: str, curve: str, row: Compared) -> Score:
         """Compute one row of the score table from the samples that belong to it."""
+        known = {"", *row.known}
         with np.errstate(over="ignore", invalid="ignore"):
             numbers: dict[str, Any] = {
-                name: measure.of(row) if measure.column in row.known else math.nan
+                name: measure.of(row) if measure.column in known else math.nan
                 for name, measure in MEASURES.items()
             }
         return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)

@@ -107,12 +107,11 @@ def segment(part: ModelChoices, workspace: Workspace) -> None:
     for curve in segmentation:
         for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
             cut = part.segment[name]
-            wanted = cut.count if isinstance(cut, Cuts) else None
-            if isinstance(cut, Cuts) and wanted is not None and len(boundaries) <= wanted:
+            if isinstance(cut, Cuts) and cut.count is not None and len(boundaries) <= cut.count:
                 why = ", because neighbours with too few samples are joined" if cut.joins else ""
                 workspace.warn(
                     f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} "
-                    f"instead of {wanted}{why}"
+                    f"instead of {cut.count}{why}"
                 )
     write_segmentation(workspace.out / SEGMENTATION, segmentation, units_of(dataset))
 

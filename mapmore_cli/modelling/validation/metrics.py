@@ -189,8 +189,7 @@ def score_rows(
                 part = ScoredSamples(curve, dataset.target, forecast, samples)
                 rows.setdefault(place, (name, []))[1].append(part)
         whole = [part for (kind, _), (_, parts) in rows.items() if kind == 0 for part in parts]
-        rows_in_order = [("all", whole), *(rows[place] for place in sorted(rows))]
-        for name, parts in rows_in_order if whole else ():
+        for name, parts in [("all", whole), *(rows[place] for place in sorted(rows))]:
             row = row_of_samples(parts, scale, free if split == "train" and parts is whole else 0)
             if row.n:
                 yield Score.of(model, target, split, name, row)
@@ -207,16 +206,11 @@ class ScoredSamples:
     forecast: Forecast
     wanted: BoolArray
 
-    @property
-    def further(self) -> dict[str, Array | None]:
-        """Columns of the `SampleBlock`, (n,) each, that are None if they are unknown."""
-        sigma = self.curve.columns.get(uncertainty_of(self.target))
-        return {"one_step": self.forecast.one_step, "half": self.forecast.half, "sigma": sigma}
-
     def blocks(self) -> Iterator[SampleBlock]:
         """Yield the samples as one `SampleBlock` after the other."""
         y, forecast = self.curve.columns[self.target], self.forecast
-        columns = (y, forecast.values, *self.further.values())
+        sigma = self.curve.columns.get(uncertainty_of(self.target))
+        columns = (y, forecast.values, forecast.one_step, forecast.half, sigma)
         for rows in row_blocks(self.curve.size):
             wanted = self.wanted[rows]
             if wanted.any():
@@ -262,11 +256,9 @@ def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int)
     def blocks() -> Iterator[SampleBlock]:
         return chain.from_iterable(part.blocks() for part in parts)
 
-    further = (column for part in parts for column in part.further.items())
-    rest = scale, free, {"measured", *(name for name, x in further if x is not None)}
     if sum(part.curve.size for part in parts) > HELD:
-        return Compared(blocks, *rest)
+        return Compared(blocks, scale, free)
     held = [*blocks()]
     if len(held) > 1:
         held = [SampleBlock(*map(np.concatenate, zip(*held, strict=True)))]
-    return Compared(lambda: held, *rest)
+    return Compared(lambda: held, scale, free)
