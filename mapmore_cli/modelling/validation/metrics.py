@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, pairwise
 from typing import Any
 
@@ -234,20 +235,14 @@ def _rows_of(
     yield (0, number), curve.id, wanted
     if DIRECTION in curve.columns:
         for place, (word, sign) in enumerate((("rise", RISE), ("fall", FALL))):
-            moving = by_blocks(
-                np.equal, curve.columns[DIRECTION], np.broadcast_to(sign, curve.size)
-            )
+            moving = by_blocks(partial(np.equal, sign), curve.columns[DIRECTION])
             yield (1, (number, place)), f"{curve.id};direction={word}", wanted & moving
     if group is not None:
         values = curve.columns[group]
         parts = map(np.unique, blocks_where(values, wanted))
         for value in {value for part in parts for value in part.tolist()}:
-            same = _where_equal(values, value)
+            same = by_blocks(partial(np.equal, value), values)
             yield (2, value), f"{group}={value:g}", wanted & same
-
-
-def _where_equal(column: Array, value: float) -> BoolArray:
-    return np.asarray(by_blocks(lambda part: part == value, column))
 
 
 def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int) -> Compared:
