@@ -8,7 +8,7 @@ import gc
 import os
 import sys
 
-YOUNG = 50_000
+YOUNG = 200_000
 """Number of objects between garbage collections. Objects that imports create live as long as the
 program, and scanning them repeatedly would take a tenth of its time.
 """

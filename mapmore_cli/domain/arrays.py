@@ -109,6 +109,9 @@ def extremes(column: Array, mask: BoolArray | None = None) -> Ends:
     """Return the smallest and the largest value of a column, (n,), optionally of the rows in `mask`
     only; NaN if a value is NaN. Raises ValueError if there is no value.
     """
+    if len(column) <= ROWS:  # fast path for the many short curves
+        values = column if mask is None else column[mask]
+        return float(values.min()), float(values.max())
     if mask is not None and not mask.all():
         return _ends_of(blocks_where(column, mask))
     # the extremes of a mapped column are stored, because the contents of its file do not change
@@ -209,6 +212,8 @@ def picked(values: Any, rows: Rows | BoolArray) -> Any:
     """
     if isinstance(rows, range):
         return values[rows.start : rows.stop]
+    if len(values) <= ROWS:  # fast path for the many short curves
+        return row_numbers(values)[rows]
     if rows.dtype == np.bool_:
         return by_blocks(lambda part, here: row_numbers(part)[here], values, rows)
 

@@ -66,12 +66,11 @@ class Compared:
 
     def total(self, of: Callable[[SampleBlock], Array | BoolArray]) -> float:
         """Return the sum of `function(block)` over all samples."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            return float(sum(float(np.sum(of(block))) for block in self.blocks()))
+        return float(sum(float(of(block).sum()) for block in self.blocks()))
 
     def spread(self, of: Callable[[SampleBlock], Array]) -> float:
         """Return the sum of squares of `function(block)` minus its mean, over all samples."""
-        mean = self.total(of) / max(self.total(lambda block: np.ones(len(of(block)))), 1)
+        mean = self.total(of) / max(sum(len(of(block)) for block in self.blocks()), 1)
         return self.total(lambda block: (of(block) - mean) ** 2)
 
     def median(self, of: Callable[[SampleBlock], Array]) -> float:
@@ -82,6 +81,12 @@ class Compared:
         values = np.concatenate([of(block)[::every] for block in self.blocks()])
         known = values[np.isfinite(values)]
         return float(np.median(known)) if len(known) else math.nan
+
+    @cached_property
+    def known(self) -> set[str]:
+        """Names of the columns in which a value is known."""
+        columns = (column for block in self.blocks() for column in block._asdict().items())
+        return {name for name, values in columns if np.isfinite(values).any()}
 
     @cached_property
     def n(self) -> int:

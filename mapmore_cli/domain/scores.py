@@ -33,12 +33,14 @@ class Measure:
     - `shown`: function that returns True if a row has a value for this column.
     - `at_least`: True if larger values are better, so that a limit in `validate.require` is a lower
       limit.
+    - `column`: column of the `SampleBlock` without which the number is NaN.
     """
 
     of: Callable[[Compared], float]
     heading: str = ""
     shown: Callable[[Score], bool] | None = None
     at_least: bool = False
+    column: str = ""
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,7 @@ class Score:
             ),
             "RRSE, one step .5f",
             shown=lambda score: score.runs_free,
+            column="one_step",
         ),
     ] = math.nan
     r_uncentred: Annotated[
@@ -137,13 +140,14 @@ class Score:
                 row.total(lambda block: np.isfinite(block.half)),
             ),
             at_least=True,
+            column="half",
         ),
     ] = math.nan
     interval_half_width: Annotated[
         float,
         "half of the width of the 95 % interval, as the median over the samples",
         "[target]",
-        Measure(lambda row: row.median(lambda block: block.half)),
+        Measure(lambda row: row.median(lambda block: block.half), column="half"),
     ] = math.nan
     nrmse_range: Annotated[
         float,
@@ -162,6 +166,7 @@ class Score:
             lambda row: math.sqrt(row.chi2 / row.total(lambda block: block.sigma**-2.0)),
             "weighted RMSE [UNIT]",
             shown=lambda score: math.isfinite(score.chi2_dof),
+            column="sigma",
         ),
     ] = math.nan
     chi2_dof: Annotated[
@@ -172,13 +177,19 @@ class Score:
             lambda row: ratio(row.chi2, row.n - row.free),
             "chi²/dof .3g",
             shown=lambda score: math.isfinite(score.chi2_dof),
+            column="sigma",
         ),
     ] = math.nan
 
     @classmethod
     def of(cls, model: str, target: str, split: str, curve: str, row: Compared) -> Score:
         """Compute one row of the score table from the samples that belong to it."""
-        numbers: dict[str, Any] = {name: measure.of(row) for name, measure in MEASURES.items()}
+        known = {"", *row.known}
+        with np.errstate(over="ignore", invalid="ignore"):
+            numbers: dict[str, Any] = {
+                name: measure.of(row) if measure.column in known else math.nan
+                for name, measure in MEASURES.items()
+            }
         return cls(model, target, split, curve, normaliser_name=row.scale.name, **numbers)
 
     @property

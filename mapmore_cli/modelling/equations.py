@@ -7,6 +7,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -33,7 +34,14 @@ from mapmore_cli.modelling.expressions import (
 )
 from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 from mapmore_cli.modelling.expressions.states import Lagged
-from mapmore_cli.modelling.expressions.syntax import Call, Product, Sum
+from mapmore_cli.modelling.expressions.syntax import (
+    Call,
+    Power,
+    Product,
+    Sum,
+    power,
+    with_parts,
+)
 
 TOLERANCE, RECURSIVE = 5e-4, 5e-7
 """Largest change of an equation's values that rounding its numbers may cause, as a fraction of the
@@ -76,25 +84,29 @@ def equation(
         at[variable] = (low + (high - low) * part) / units.get(state(variable).quantity, 1.0)
 
     def value(digits: int) -> Array:
-        known = {
-            short: evaluate(parse(to_text(line, digits)), at, len(u))
-            for short, line in where.items()
-        }
-        values = [evaluate(parse(to_text(term, digits)), {**at, **known}, len(u)) for term in parts]
-        # terms are evaluated one by one, because the whole sum may be too long for the parser
-        return np.asarray(np.sum(values, axis=0))
+        known = {s: evaluate(rounded(line, digits), at, len(u)) for s, line in where.items()}
+        return evaluate(rounded(whole, digits), {**at, **known}, len(u))
 
     with np.errstate(all="ignore"):  # a term may be undefined in a part of the ranges
         known = {**at, **{short: evaluate(line, at, len(u)) for short, line in where.items()}}
-        parts = [
-            _balanced(term, known, len(u))
-            for term in (whole.terms if isinstance(whole, Sum) else (whole,))
-        ]
-        whole = add(*parts)
-        exact = value(17)
+        terms_of_sum = whole.terms if isinstance(whole, Sum) else (whole,)
+        whole = add(*(_balanced(term, known, len(u)) for term in terms_of_sum))
+        exact = evaluate(whole, known, len(u))
         error = tolerance * (np.ptp(exact) or np.abs(exact).max())
         digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
     return as_equation(name, whole, digits, where, weight)
+
+
+def rounded(expression: Expression, digits: int) -> Expression:
+    """Return the expression with each number rounded to `digits` significant digits, as it is
+    printed.
+    """
+    match expression:
+        case Number(value):
+            return Number(float(f"{value:.{digits}g}"))
+        case Power(base, exponent) if not exponent.is_integer():
+            return power(rounded(base, digits), float(f"{exponent:.{digits}g}"))
+    return with_parts(expression, partial(rounded, digits=digits))
 
 
 def as_equation(

@@ -14,7 +14,17 @@ from math import comb
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, Ends, IntArray, by_blocks, in_blocks, picked, stacked
+from mapmore_cli.domain.arrays import (
+    Array,
+    Ends,
+    IntArray,
+    by_blocks,
+    in_blocks,
+    picked,
+    row_numbers,
+    rows_where,
+    stacked,
+)
 from mapmore_cli.domain.fits import MemoryModel, Scaling, StateSet
 from mapmore_cli.domain.models import CurveFunction, Memory, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -199,7 +209,7 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
     many more samples than a fit uses, they are thinned evenly.
     """
     every = _thinning(dataset)
-    rows = [np.flatnonzero(curve.training)[::every] for curve in dataset.curves]
+    rows = [row_numbers(rows_where(curve.training)[::every]) for curve in dataset.curves]
     parts = list(zip(dataset.curves, rows, strict=True))
     return [
         np.concatenate(

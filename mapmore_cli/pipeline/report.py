@@ -139,9 +139,8 @@ def _collected(
     turned = part.validate.as_
     if turned is not None:
         dataset = replace(dataset, target=turned)
-    muscle = {"name": part.muscle.name, "kind": part.muscle.kind}
-    for key, length in part.muscle.lengths.items():
-        muscle[key] = None if length is None else f"{length * 1000:g} mm"
+    lengths = {key: f"{x * 1000:g} mm" for key, x in part.muscle.lengths.items() if x is not None}
+    muscle = {"name": part.muscle.name, "kind": part.muscle.kind, **lengths}
     notes = [LEFT_OUT.format(part.left_out)] if part.left_out else []
     if turned is not None:
         notes.append(

@@ -107,12 +107,11 @@ def segment(part: ModelChoices, workspace: Workspace) -> None:
     for curve in segmentation:
         for name, boundaries in zip(curve.variables, curve.boundaries, strict=True):
             cut = part.segment[name]
-            wanted = cut.count if isinstance(cut, Cuts) else None
-            if isinstance(cut, Cuts) and wanted is not None and len(boundaries) <= wanted:
+            if isinstance(cut, Cuts) and cut.count is not None and len(boundaries) <= cut.count:
                 why = ", because neighbours with too few samples are joined" if cut.joins else ""
                 workspace.warn(
                     f"curve {curve.curve}: {len(boundaries) - 1} segment(s) along {name} "
-                    f"instead of {wanted}{why}"
+                    f"instead of {cut.count}{why}"
                 )
     write_segmentation(workspace.out / SEGMENTATION, segmentation, units_of(dataset))
 
@@ -131,7 +130,6 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     models of other runs are added.
     """
     from mapmore_cli.modelling.frols.offsets import constant_alone, far_from_zero
-    from mapmore_cli.modelling.literature.backbone import pooled_training
     from mapmore_cli.storage.artefacts import write_fit
     from mapmore_cli.storage.artefacts.schema import units_of
 
@@ -142,7 +140,7 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     for note in alone:
         workspace.warn(note)
     pieces = [piece for fit in result.each for piece in fit.pieces]
-    for note in far_from_zero(pieces, pooled_training(dataset.curves)) if pieces else ():
+    for note in far_from_zero(pieces, dataset.curves):
         workspace.warn(note)
     result = replace(result, notes=(*alone, *result.notes))
     tied = (piece.id for fit in result.each for piece in fit.pieces if piece.selection.tied.any())

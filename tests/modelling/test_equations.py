@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from surfaces import built, curves
 
 from mapmore_cli.domain.fits import Scaling
-from mapmore_cli.modelling.equations import equation
-from mapmore_cli.modelling.expressions import evaluate, parse
+from mapmore_cli.modelling.equations import equation, rounded
+from mapmore_cli.modelling.expressions import evaluate, parse, to_text
 from mapmore_cli.modelling.kinds import equations, predict
 from mapmore_cli.modelling.pieces.recipe import Cuts
 
@@ -164,3 +164,9 @@ def test_a_long_model_has_an_equation_too():
     terms = tuple(f"tanh(({name} - 0.1234)/0.0321)*{name}" for name in names)
     found = equation("memory", terms, np.linspace(1, 2, 299), scaling, {"pressure": (0.0, 1.0)}, {})
     assert len(found.text) > 10_000
+
+
+@pytest.mark.parametrize("digits", [1, 3, 6, 16])
+def test_rounded_numbers_are_those_that_are_printed(digits):
+    whole = parse("1234.5*x^2.3456 - 0.98765*exp(-(x - 0.12345678)/0.0345678)/y^-7.6543 + 1e-7*x^3")
+    assert rounded(whole, digits) == parse(to_text(whole, digits))

@@ -130,12 +130,15 @@ def greedy(
     yy, tolerance = remainders.yy, stopping.tolerance * by_tolerance
     while len(steps) < limit:
         g, err = remainders.reductions()
-        if np.isnan(err).all():
+        highest = _highest(err)
+        if len(highest) == 0:
             return steps, "rank"
-        if np.nanmax(err) <= NO_GAIN:
+        if err[highest].max() <= NO_GAIN:
             return steps, "no_gain"
-        pick, *tied = _highest(err).tolist()
-        others = _highest(np.where(np.arange(len(err)) == pick, np.nan, err)).tolist()
+        pick, *tied = highest.tolist()
+        rest = err.copy()
+        rest[pick] = np.nan
+        others = _highest(rest).tolist()
         row = remainders.choose(pick)
         steps.append(
             Iteration(pick, g, err, others[0] if others else -1, len(tied), row, remainders.sse)
@@ -150,9 +153,8 @@ def _highest(err: Array) -> IntArray:
     """Return the candidates with the highest ERR, which are tied; an empty array if every ERR is
     NaN.
     """
-    return np.flatnonzero(
-        err >= np.max(err, initial=-np.inf, where=~np.isnan(err)) * (1 - TIE_TOLERANCE)
-    )
+    # `fmax` ignores NaN
+    return np.flatnonzero(err >= np.fmax.reduce(err, initial=-np.inf) * (1 - TIE_TOLERANCE))
 
 
 def to_explain(blocks: Blocks, samples: int, yy: float, uncertainty: Array | None) -> float:
@@ -274,7 +276,7 @@ def _selection_of_steps(
         samples=samples,
         stop=stop,
     )
-    return in_units(found, scale)
+    return found if (scale == 1.0).all() else in_units(found, scale)
 
 
 def in_units(found: Selection, scale: Array) -> Selection:

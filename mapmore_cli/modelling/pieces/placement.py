@@ -57,8 +57,8 @@ def placements(
             if count <= EVERY_CORNER_UP_TO
             else [(False,) * count, (True,) * count]
         )
-        weights = np.ones(len(y)) if weights is None else weights
-        shares = list(map(even_share, (*inputs, y, weights)))
+        shares = list(map(even_share, (*inputs, y)))
+        shares.append(np.ones(len(shares[-1])) if weights is None else even_share(weights))
         return tuple(_anchored(shares, names, right, ends) for right in every)
     slope = np.ones(count)
     y_slope = 1.0

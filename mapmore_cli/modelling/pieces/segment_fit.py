@@ -36,6 +36,7 @@ from mapmore_cli.modelling.expressions import (
 from mapmore_cli.modelling.expressions.ranged import placed
 from mapmore_cli.modelling.expressions.syntax import names_in
 from mapmore_cli.modelling.frols import TIE_TOLERANCE, Regression
+from mapmore_cli.modelling.frols.correlated import MOST
 from mapmore_cli.modelling.frols.engine import choose, choose_together, reads_once
 from mapmore_cli.modelling.frols.select import Stopping
 from mapmore_cli.modelling.frols.weighing import (
@@ -198,7 +199,8 @@ def _samples_of(
     unsure = uncertainty_of(recipe.target)
     unsure_columns = [unsure] if unsure in columns else []
     samples = samples_at(columns, segment.rows, (*variables, recipe.target, *unsure_columns))
-    recorded = np.arange(len(samples[recipe.target]))
+    n = len(samples[recipe.target])
+    recorded = np.arange(n) if n <= MOST else None
     if samples[recipe.target].nbytes <= LONG:
         recorded = order = np.lexsort(
             [samples[name] for name in (*unsure_columns, recipe.target, *variables[::-1])]

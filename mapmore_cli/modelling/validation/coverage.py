@@ -10,7 +10,7 @@ from itertools import combinations
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array, BoolArray, blocks_where, stacked
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.forecast import outside
@@ -39,10 +39,7 @@ def new_combinations(model: Model, dataset: Dataset) -> Iterator[tuple[float, st
     considered. For each pair, yield the fraction of all held-out samples that have such a
     combination, and the names of both inputs. Long data are thinned evenly.
     """
-    known, asked = (
-        {name: even_share(x) for name, x in _inputs(model, dataset, rows).items()}
-        for rows in ("training", "held_out")
-    )
+    known, asked = (_inputs(model, dataset, rows) for rows in ("training", "held_out"))
     inside = ~even_share(_outside(model, dataset))
     for pair in combinations(known, 2):
         points = (np.array([columns[name] for name in pair]) for columns in (known, asked))
@@ -86,13 +83,16 @@ def _outside(model: Model, dataset: Dataset) -> BoolArray:
 
 def _inputs(model: Model, dataset: Dataset, rows: str) -> dict[str, Array]:
     """Return the inputs of the model at the training samples of all curves if `rows` is `training`,
-    or at the held-out samples if it is `held_out`.
+    or at the held-out samples if it is `held_out`. Long data are thinned evenly.
     """
-    curves = _with_inputs(model, dataset)
-    return {
-        name: np.concatenate([c.columns[name][getattr(c, rows)] for c in curves] or [np.empty(0)])
-        for name in model.input_names
-    }
+    parts = [(curve.columns, getattr(curve, rows)) for curve in _with_inputs(model, dataset)]
+
+    def blocks(name: str) -> Iterator[list[Array]]:
+        yield [np.empty(0)]
+        for columns, mask in parts:
+            yield from ([block] for block in blocks_where(columns[name], mask))
+
+    return {name: even_share(stacked(blocks(name))[0]) for name in model.input_names}
 
 
 def _with_inputs(model: Model, dataset: Dataset) -> list[Curve]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, pairwise
 from typing import Any
 
@@ -104,7 +105,7 @@ def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tup
     )
 
 
-HELD = 1 << 22
+HELD = 1 << 20
 """Largest number of samples of a row of the score table that are kept in memory. If there are more,
 they are read again, block by block, for each statistic.
 """
@@ -175,6 +176,8 @@ def score_rows(
         rows: dict[tuple[int, Any], tuple[str, list[ScoredSamples]]] = {}
         for number, (curve, forecast) in enumerate(zip(dataset.curves, forecasts, strict=True)):
             wanted = curve.held_out == held
+            if not wanted.any():
+                continue
             for place, name, samples in _rows_of(
                 curve, wanted & forecast.ready if partial else wanted, number, group
             ):
@@ -227,15 +230,13 @@ def _rows_of(
     yield (0, number), curve.id, wanted
     if DIRECTION in curve.columns:
         for place, (word, sign) in enumerate((("rise", RISE), ("fall", FALL))):
-            moving = by_blocks(
-                np.equal, curve.columns[DIRECTION], np.broadcast_to(sign, curve.size)
-            )
+            moving = by_blocks(partial(np.equal, sign), curve.columns[DIRECTION])
             yield (1, (number, place)), f"{curve.id};direction={word}", wanted & moving
     if group is not None:
         values = curve.columns[group]
         parts = map(np.unique, blocks_where(values, wanted))
         for value in {value for part in parts for value in part.tolist()}:
-            same = by_blocks(np.equal, values, np.broadcast_to(value, curve.size))
+            same = by_blocks(partial(np.equal, value), values)
             yield (2, value), f"{group}={value:g}", wanted & same
 
 
@@ -247,5 +248,7 @@ def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int)
 
     if sum(part.curve.size for part in parts) > HELD:
         return Compared(blocks, scale, free)
-    arrays = [np.concatenate(parts_of_column) for parts_of_column in zip(*blocks(), strict=True)]
-    return Compared(lambda: [SampleBlock(*arrays)] if arrays else [], scale, free)
+    held = [*blocks()]
+    if len(held) > 1:
+        held = [SampleBlock(*map(np.concatenate, zip(*held, strict=True)))]
+    return Compared(lambda: held, scale, free)

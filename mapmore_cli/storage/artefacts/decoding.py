@@ -81,10 +81,8 @@ class Decoder:
         if kind is np.ndarray and isinstance(node, dict):
             return self._array(node, path, form.inner[0], letters, sizes)
         if bodies(kind) and isinstance(node, dict):
-            word, inner = (
-                node.get("kind"),
-                {name: member for name, member in node.items() if name != "kind"},
-            )
+            inner = {**node}
+            word = inner.pop("kind", None)
             if word not in (*bodies(kind),):
                 raise Invalid(
                     path,

@@ -171,13 +171,8 @@ def shared_path(path: str) -> str:
 
 
 def hints_of_members(hint: Hint, count: int) -> Sequence[Any]:
-    """Return the type hint of each member of a mapping or a tuple that has `count` members."""
-    each = hint.inner[hint.kind is Mapping]
-    return (
-        [each] * count
-        if hint.kind is Mapping or hint.inner[1:] == (...,)
-        else [*hint.inner, *[each] * count][:count]
-    )
+    """Return the type hint of each member of a tuple that has `count` members."""
+    return [hint.inner[0]] * count if hint.inner[1:] == (...,) else hint.inner
 
 
 # Writing ----------------------------------------------------------------------------------------
@@ -230,7 +225,7 @@ def encoded(
 
     `outer` holds the description and unit of the field to which the value belongs.
     """
-    if value is None or isinstance(value, bool | int | float | str):
+    if value is None or isinstance(value, SCALARS):
         return _scalar(value)
     form = taken_apart(hint)
     label = (form.description, form.unit) if form.description else outer
@@ -239,8 +234,9 @@ def encoded(
     if isinstance(value, np.ndarray):
         return put(path, value, label[0], resolved(label[1] or "1", units))
     if is_dataclass(value):
-        known = {"target": label[1] or "[target]", **units_of(value)}
-        units = {**units, **{name: resolved(unit, units) for name, unit in known.items()}}
+        known = {**({"target": label[1]} if label[1] else {}), **units_of(value)}
+        if known:
+            units = {**units, **{name: resolved(unit, units) for name, unit in known.items()}}
         document: dict[object, object] = {}
         for word in (word for word, body in bodies(form.kind).items() if body is type(value)):
             document["kind"] = word
@@ -251,29 +247,31 @@ def encoded(
         return document
     if isinstance(value, range):
         return [value.start, value.stop]
-    if isinstance(value, Mapping | tuple):
-        parts = value if isinstance(value, Mapping) else dict(enumerate(value))
-        document = {
-            _scalar(key): encoded(
-                member,
-                part,
-                put,
-                units,
-                f"{path}/{step_to(key, i)}",
-                (label[0], label[1].replace("*", str(key))),
-            )
-            for i, ((key, member), part) in enumerate(
-                zip(parts.items(), hints_of_members(form, len(parts)), strict=True)
-            )
+
+    def part(key: object, step: str, member: object, own: object) -> object:
+        at = (label[0], label[1].replace("*", str(key)))
+        return encoded(member, own, put, units, f"{path}/{step}", at)
+
+    if isinstance(value, Mapping):
+        return {
+            _scalar(key): part(key, step_to(key, i), member, form.inner[1])
+            for i, (key, member) in enumerate(value.items())
         }
-        return document if parts is value else list(document.values())
+    if isinstance(value, tuple):
+        hints = hints_of_members(form, len(value))
+        return [part(i, f"{i:03d}", *own) for i, own in enumerate(zip(value, hints, strict=True))]
     raise TypeError(f"{path}: {type(value).__name__} cannot be stored")
+
+
+SCALARS = (bool, int, float, str)
 
 
 def _same(value: object, default: object) -> bool:
     """Return True if a value equals the default. Here, NaN equals NaN."""
-    return not isinstance(value, np.ndarray) and bool(
-        value == default or (value != value and default != default)
+    return (
+        default is not MISSING
+        and not isinstance(value, np.ndarray)
+        and bool(value == default or (value != value and default != default))
     )
 
 

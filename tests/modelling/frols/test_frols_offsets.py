@@ -7,6 +7,7 @@ import pytest
 from textbook import frols_streamed
 
 from mapmore_cli.domain.fits import Scaling, SegmentFit
+from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
@@ -80,12 +81,13 @@ def test_inputs_far_from_zero_are_told_where_terms_keep_their_origin():
     x = np.linspace(0, 1, 50)
     x = (x - 0.5) / x.std()
     samples = {"far": -1.01e4 + x, "near": -0.99e4 + x, "alone": 1e6 + x, "still": np.full(50, 3.0)}
+    curve = Curve("a", None, samples, np.zeros(50, bool), ("a",))
     terms = ("1", "far", "far^2", "near", "near^2", "alone", "still", "still^2")
     names, ones = ("far",), np.ones(1)
     for rule, told in (("none", ["far"]), ("max_abs", ["far"]), ("unit_square", [])):
         scaling = Scaling(rule, "-", names, ones, 0 * ones, 1.0, 0.0)
         piece = SegmentFit("a/a", "a", (), terms, scaling, frols(P, X, 1))
-        assert [note.split()[3] for note in far_from_zero([piece], samples)] == told
+        assert [note.split()[3] for note in far_from_zero([piece], [curve])] == told
 
 
 def test_a_constant_that_is_the_model_is_told_with_the_worst_of_its_segments():

@@ -124,6 +124,10 @@ def test_rows_are_of_splits_curves_directions_and_groups():
     }
     found = rows(group="day")
     assert (found, list(found)) == (expected, list(expected))
+    partly = [replace(said[0], half=np.full(6, 2.0)), said[1]]
+    whole, *each = metrics.score_rows("m", "t", partly, given, scale)
+    assert {row.interval_half_width for row in each if row.curve == "b"} == {2.0}
+    assert whole.interval_half_width == 2.0, "the widths are known for a part of the samples"
     free = list(metrics.score_rows("m", "t", said, given, scale, free=3))
     assert {row.curve: row.chi2_dof for row in free if row.split == "train"} == {
         "all": (1 + 4 + 9 + 16 + 3) / 4,
