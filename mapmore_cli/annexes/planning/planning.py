@@ -23,7 +23,10 @@ from mapmore_cli.pipeline.staleness import as_found
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.study.loader import LoadedSpec
 
-EQUAL = "On measured muscles, no rule was better than equal distances (docs/planning.md)."
+EQUAL = (
+    "On measured muscles, equal distances gave smaller errors than a random order of levels "
+    "(docs/planning.md)."
+)
 
 
 def plan(
@@ -38,8 +41,9 @@ def plan(
     """Rank possible measurements: levels if the study has some; otherwise, or with `points`, points
     of a map.
 
-    The data are ingested in the folder of the run; nothing else is written. Held-out values are not
-    used. `until` is the wanted half width, in per cent of the largest |target| (`2%`) or in the
+    The data are ingested in the folder of the run. If the spec leaves the structure to a search,
+    the search and the fit of the model also run there. Nothing else is written. Held-out values are
+    not used. `until` is the wanted half width, in per cent of the largest |target| (`2%`) or in the
     target's unit; `prices` holds the cost of a change of each quantity.
 
     Raises SpecError for a model that runs over time and for a sum of other runs. Raises DataError
