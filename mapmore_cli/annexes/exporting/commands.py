@@ -61,8 +61,8 @@ def export(
     For a model with several outputs, C and equations contain all of them; other forms are written
     for each output.
 
-    C, FMUs, modules and functions are compared with `predict` on 100 points before they are
-    written. At the end, lines that call the exported code are printed.
+    The code of `c`, `fmu`, `fmu3`, `py`, `numpy`, `matlab` and `js` is compared with `predict` on
+    100 points before it is written. At the end, lines that call the exported code are printed.
     """
     from mapmore_cli.annexes.exporting.exports import EXPORTERS, exported, snippet
     from mapmore_cli.modelling import kinds
