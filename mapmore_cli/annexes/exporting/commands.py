@@ -52,8 +52,9 @@ def export(
     for single samples; `numpy` is a module for arrays, `matlab` one function file, for Octave too.
     `js` is one module of JavaScript for browsers and Node. `table` is the output on a grid, with a
     mask of valid points: as CSV, as MAT, and as a Modelica block with text for CombiTable2Ds.
-    `mujoco` is C with an actuator callback, `simulink` is C with a function for C Caller blocks.
-    `csv` is one lookup table, and `tex` holds the equations.
+    `mujoco` is C with an actuator callback, `simulink` is C with a function for C Caller blocks;
+    these two are not compared with `predict`. `csv` is one lookup table, and `tex` holds the
+    equations.
 
     With `--pressure`, a model of the force and one of the pressure become one actuator, in C or as
     an FMU. Its input is then the command of the valve.
@@ -61,8 +62,8 @@ def export(
     For a model with several outputs, C and equations contain all of them; other forms are written
     for each output.
 
-    The code of `c`, `fmu`, `fmu3`, `py`, `numpy`, `matlab` and `js` is compared with `predict` on
-    100 points before it is written. At the end, lines that call the exported code are printed.
+    C, FMUs, modules and functions are compared with `predict` on 100 points before they are
+    written. At the end, lines that call the exported code are printed.
     """
     from mapmore_cli.annexes.exporting.exports import EXPORTERS, exported, snippet
     from mapmore_cli.modelling import kinds
