@@ -158,7 +158,7 @@ def _described(name: str, value: Any) -> str:
     for key, member in vars(value).items() if inspect.isclass(value) else ():
         method = getattr(member, "func", member)  # of a cached property
         if not key.startswith("_") and (inspect.isfunction(method) or isinstance(method, property)):
-            call = _signature(key, method) if inspect.isfunction(method) else ""
+            call = _signature(key, member) if inspect.isfunction(member) else ""
             text += f"\n#### {name.removeprefix('mm.')}.{key}\n\n{call}"
             text += f"\n{docstring(inspect.getdoc(method) or '')}\n"
     return text

@@ -112,8 +112,8 @@ class Selection(ChosenTerms):
     yy: Annotated[float, "total sum of squares, uncentred"]
     curves: Annotated[
         Count,
-        "number of curves whose residuals were summed for theta_error; 0 if residuals are taken "
-        "as independent",
+        "number of curves whose residuals were summed for theta_error; 0 if residuals were not "
+        "summed by curve",
     ] = 0
     scale: Annotated[
         float, "scale of the residuals by which a robust loss weighs them; NaN for squares"
@@ -121,7 +121,7 @@ class Selection(ChosenTerms):
     worth: Annotated[
         float,
         "number of independent samples to which the samples are equivalent for theta_error, "
-        "because their residuals are correlated; NaN if residuals are taken as independent",
+        "because their residuals are correlated; NaN if this number was not estimated",
     ] = float("nan")
     candidates: tuple[str, ...] = field(default=(), compare=False, metadata={"stored": False})
 

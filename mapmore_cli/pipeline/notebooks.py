@@ -44,7 +44,9 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, repr=False)
 class LoadedModel:
     """A model as a function with one keyword argument for every input, in the model's units. If
-    `time` is given, rates and directions may be left out.
+    `time` is given, rates and directions may be left out. If points lie outside the training range,
+    the call warns (UserWarning), and returns extrapolated values. Raises `TypeError` if an input is
+    missing or unknown.
 
     A model with memory takes one recording: its `time` in s, and the measured output if the model
     feeds its output back. A model of several outputs returns a mapping from the names of the
@@ -52,9 +54,16 @@ class LoadedModel:
 
     Examples
     --------
-    >>> model = load_model("runs/dmsp-20-88-static/model.h5")  # doctest: +SKIP
-    >>> model(pressure=[100.0, 200.0], strain=0.1)             # doctest: +SKIP
-    array([112.3, 271.9])
+    A model from `fit` is called in the same way as a model from `load_model`.
+
+    >>> import numpy as np
+    >>> import mapmore_cli as mm
+    >>> x = np.linspace(100, 300, 20)
+    >>> model = mm.fit({"pressure": x, "force": 2 * x}, target={"column": "force"},
+    ...     dictionary=[{"polynomial": {"of": ["pressure"], "order": 1}}],
+    ...     validate={"simple": False})
+    >>> model(pressure=[150.0, 200.0]).round(6)
+    array([300., 400.])
     """
 
     model: Model

@@ -52,8 +52,9 @@ def export(
     for single samples; `numpy` is a module for arrays, `matlab` one function file, for Octave too.
     `js` is one module of JavaScript for browsers and Node. `table` is the output on a grid, with a
     mask of valid points: as CSV, as MAT, and as a Modelica block with text for CombiTable2Ds.
-    `mujoco` is C with an actuator callback, `simulink` is C with a function for C Caller blocks.
-    `csv` is one lookup table, and `tex` holds the equations.
+    `mujoco` is C with an actuator callback, `simulink` is C with a function for C Caller blocks;
+    these two are not compared with `predict`. `csv` is one lookup table, and `tex` holds the
+    equations.
 
     With `--pressure`, a model of the force and one of the pressure become one actuator, in C or as
     an FMU. Its input is then the command of the valve.

@@ -141,8 +141,9 @@ def exported(
     `csv` needs the points of a `grid`; `table` has the points of a `grid`, or spreads points over
     the training range.
 
-    With `verify`, C code, FMUs and modules are compared with `predict`. `warn` is called if an FMU
-    has no binary for this machine, and if nothing could be compared because there is no compiler.
+    With `verify`, the code of `c`, of FMUs, modules and functions is compared with `predict`.
+    `warn` is called if an FMU has no binary for this machine, and if nothing could be compared
+    because there is no compiler.
 
     Raises UsageError for a grid that is malformed or goes beyond the training range, and for a name
     without a letter; DataError if a part of the model has no closed expression; MapmoreError if the
