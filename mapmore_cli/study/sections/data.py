@@ -198,7 +198,8 @@ class Data(Logs):
       `error`, or `drop` the samples. Example: `drop`
     - `gaps`: What to do if samples are missing for some time. Example: `{longer_than: 0.5 s,
       action: split}`
-    - `resample`: Interpolate all recordings to this constant time between samples. Models with
+    - `resample`: Bring all recordings to this constant time between samples. A step with several
+      samples gets their mean, and a step without samples is interpolated linearly. Models with
       memory need it if the measured time steps are not equal. Example: `10 ms`
     - `cycles`: Split load cycles into rising and falling branches, and average them. Example:
       `{over: strain}`
