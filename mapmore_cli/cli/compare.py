@@ -59,7 +59,7 @@ def compare(
             metavar="WHEN",
             help=(
                 "Exit with code 6 if the muscle has `changed`; or, with a number such as 0.03, if "
-                "its force differs by more than this fraction."
+                "the output of the model differs by more than this fraction."
             ),
         ),
     ] = None,
@@ -99,9 +99,14 @@ def compare(
     )
     campaigns = [find_campaign(text, runs, archive) for text in models]
     if any(campaigns):
-        if len(models) != 2 or not all(campaigns) or figure is not None:
+        if figure is not None:
             raise UsageError(
-                f"{', '.join(models)}: campaigns are compared two at a time, and without a figure",
+                f"--figure {figure}: the drift of campaigns cannot be drawn",
+                "leave out --figure, or name a run of each campaign",
+            )
+        if len(models) != 2 or not all(campaigns):
+            raise UsageError(
+                f"{', '.join(models)}: a campaign can be compared with one other campaign only",
                 "name two campaigns, for example `mapmore compare muscles@spring muscles`",
             )
         before, after = (known or {} for known in campaigns)
@@ -119,10 +124,20 @@ def compare(
     print_view(view, as_json)
     for name, result in results.items():
         if result.changed if limit is None and fail_on else result.moved(limit):
-            raise LimitMissed(
-                f"{name}: force is {result.ratio:.4g} times that of {models[0]}",
-                "the tables show the curves that changed; --fail-on sets the allowed change",
-            )
+            raise _too_large(name, models[0], result, limit)
+
+
+def _too_large(name: str, before: str, result: Comparison, limit: float | None) -> LimitMissed:
+    """Return the error for a change that `--fail-on` does not allow."""
+    allowed = "more than the margin and the uncertainty of the data"
+    if limit is not None:
+        allowed = f"more than the fraction {limit:g} that --fail-on allows"
+    return LimitMissed(
+        f"{name}: the predicted {result.output} is {result.ratio:.4g} times that of {before}, "
+        f"and this change is {allowed}",
+        "look in the tables which curves changed; if the change is acceptable, give --fail-on a "
+        "larger number",
+    )
 
 
 def _of_models(

@@ -10,7 +10,7 @@ import pytest
 from cli_samples import change_forces, write_study
 from test_views_by_hand import CHANGED
 
-from mapmore_cli.cli.compare import _of_models
+from mapmore_cli.cli.compare import _of_models, _too_large
 from mapmore_cli.domain.errors import UsageError
 
 
@@ -176,7 +176,9 @@ def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_pa
     answers = {one["run"]: one["answer"] for one in json.loads(result.stdout)["runs"]}
     assert answers == {"first": "settings", "second": "changed"}
     assert "2 runs: 1 changed, 1 settings." in mapmore(*arguments, code=0).stdout
-    mapmore("compare", "both@x", "first", *places, code=2, says="two at a time")
+    mapmore("compare", "both@x", "first", *places, code=2, says="one other campaign")
+    drift = ("--figure", tmp_path / "drift.svg")
+    mapmore(*arguments, *drift, code=2, says="drift of campaigns cannot be drawn")
     members["runs"].append("../elsewhere")
     (runs / "both" / "campaign.json").write_text(json.dumps(members))
     mapmore(
@@ -188,6 +190,15 @@ def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_pa
         code=4,
         says="does not contain the names of the campaign's runs",
     )
+
+
+@pytest.mark.parametrize(
+    ("limit", "allowed"), [(0.03, "more than the fraction 0.03 that --fail-on"), (None, "margin")]
+)
+def test_the_error_names_the_output_and_the_allowed_change(limit, allowed):
+    fault = str(_too_large("new", "old", CHANGED, limit))
+    assert "new: the predicted torque is 1.056 times that of old" in fault
+    assert allowed in fault
 
 
 def test_outputs_are_compared_one_by_one_and_models_with_the_first(monkeypatch):

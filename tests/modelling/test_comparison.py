@@ -395,6 +395,7 @@ def test_the_answer_follows_from_the_intervals_and_the_margin(changes, answer):
     told = Comparison(
         "before",
         "after",
+        "force",
         "N",
         (),
         **{

@@ -108,6 +108,7 @@ class Comparison:
 
     before: str
     after: str
+    output: str
     unit: str
     curves: tuple[CurveChange, ...]
     ratio: float
@@ -131,8 +132,8 @@ class Comparison:
         return not self.same_recordings and (low > 1 or high < 1) and large
 
     def moved(self, limit: float | None) -> bool:
-        """Return True if the force of the muscle changed by more than the fraction `limit`. Without
-        a limit, return False.
+        """Return True if the output changed by more than the fraction `limit`. Without a limit,
+        return False.
         """
         return limit is not None and not self.same_recordings and abs(self.ratio - 1) > limit
 
@@ -180,6 +181,7 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
     return Comparison(
         before=before.name,
         after=after.name,
+        output=before.output.name,
         unit=before.output.unit,
         curves=tuple(
             replace(curve, weight=share)
