@@ -59,10 +59,10 @@ class FROLS:
     coefficients and their error reduction ratios.
 
     If a column of `X` is far from zero, for example `1e6 + x`, its monomials differ only by
-    rounding errors. The mean of such a column is subtracted before terms are selected. `predict`
-    uses terms of the column minus its mean, and `selection_` and `table_` contain these terms.
-    `terms_` and `coef_` describe the same model by terms of the original column. For this, powers
-    of (column - mean) are expanded, which can add terms that were not selected. The error reduction
+    rounding errors. The mean c of such a column x is subtracted before terms are selected.
+    `predict`, `selection_` and `table_` use terms of the difference x - c, for example
+    `(x - c)^2`. `terms_` and `coef_` describe the same model by terms of x itself. For this,
+    powers of x - c are expanded, which can add terms that were not selected. The error reduction
     ratio of an added term is zero.
 
     >>> x = np.linspace(0, 1, 50)

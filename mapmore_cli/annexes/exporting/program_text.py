@@ -100,8 +100,8 @@ def _function(program: Program, dialect: Dialect, function: Function) -> dict[st
 
 
 def texts_of(part: object) -> Iterator[str]:
-    """Yield every text within a part of a program, except notes and the names of functions in
-    expressions, which mapmore itself defines.
+    """Yield every text within a part of a program, except two kinds of text: notes, and the names
+    of functions in expressions (such as `exp`), because mapmore itself defines these names.
     """
     if isinstance(part, str):
         yield part
