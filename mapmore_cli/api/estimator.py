@@ -32,8 +32,8 @@ TOLERANCE = 1e-4  # default tolerance with `stop: tolerance`
 FEWEST = 3  # a model may have this many terms, however few samples there are
 # largest rounding error of the differences between powers of a column that is not centred
 LOST = 1e-10
-# A coefficient is a sum of contributions, which may cancel. It counts as zero if it is smaller
-# than this fraction of the sum of the magnitudes of the contributions.
+# A coefficient is a sum of contributions, which may cancel. It counts as zero if it is smaller than
+# this fraction of the sum of their magnitudes.
 ROUNDING = 1e-13
 
 

@@ -124,20 +124,12 @@ def compare(
     print_view(view, as_json)
     for name, result in results.items():
         if result.changed if limit is None and fail_on else result.moved(limit):
-            raise _too_large(name, models[0], result, limit)
-
-
-def _too_large(name: str, before: str, result: Comparison, limit: float | None) -> LimitMissed:
-    """Return the error for a change that `--fail-on` does not allow."""
-    allowed = "more than the margin and the uncertainty of the data"
-    if limit is not None:
-        allowed = f"more than the fraction {limit:g} that --fail-on allows"
-    return LimitMissed(
-        f"{name}: the predicted {result.output} is {result.ratio:.4g} times that of {before}, "
-        f"and this change is {allowed}",
-        "look in the tables which curves changed; if the change is acceptable, give --fail-on a "
-        "larger number",
-    )
+            raise LimitMissed(
+                f"{name}: the predicted {result.output} is {result.ratio:.4g} times that of "
+                f"{models[0]}, and `--fail-on {fail_on}` does not allow this change",
+                "look in the tables which curves changed; if the change is acceptable, give "
+                "--fail-on a larger number",
+            )
 
 
 def _of_models(

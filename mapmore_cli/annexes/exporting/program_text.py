@@ -133,12 +133,6 @@ class Body:
     def _line(self, form: str, *parts: str, **named: object) -> None:
         self.lines.append(Code(form.format(*parts, **named)))
 
-    def _inner(self, lines: list[Code]) -> Body:
-        """Return the body of an inner block. The inner block can use the names of this body, but
-        its own names are valid only within it.
-        """
-        return replace(self, lines=lines, known=dict(self.known))
-
     def block(self, block: Block) -> list[Code]:
         """Write the statements of a block, and return its results."""
         self.write(block.statements)
@@ -178,7 +172,11 @@ class Body:
     def _choose(self, choice: Choose) -> None:
         dialect, names = self.dialect, choice.names
         conditions = [self._condition(condition) for condition, _ in choice.cases]
-        sides = [self._inner([] if dialect.branches else self.lines) for _ in choice.blocks]
+        # a block can use the names of this body, but its own names are valid only within the block
+        sides = [
+            replace(self, lines=[] if dialect.branches else self.lines, known=dict(self.known))
+            for _ in choice.blocks
+        ]
         results = [side.block(block) for side, block in zip(sides, choice.blocks, strict=True)]
         if not dialect.branches:
             for i, name in enumerate(names):

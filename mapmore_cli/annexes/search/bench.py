@@ -56,8 +56,8 @@ class Bench:
     out.
 
     Each fold, (n,), covers all samples, curve after curve. The first `blocks` folds leave out
-    stretches of curves, the others whole levels, recordings or their ends. Their `weights`, (f,),
-    count relative to each other. `asks_parts` is True if most held-out samples belong to whole
+    stretches of curves, the others whole levels, recordings or their ends. Only the ratios
+    of their `weights`, (f,), matter. `asks_parts` is True if most held-out samples belong to whole
     levels, to recordings or to ends. The `study` contains training samples and held-out samples,
     both evenly thinned; the outputs of its held-out samples are not used.
     """
