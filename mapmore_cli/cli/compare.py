@@ -122,8 +122,8 @@ def compare(
         if figure is not None:
             _draw(models, paths, figure)
     print_view(view, as_json)
-    for name, result in results.items():
-        if result.changed if limit is None and fail_on else result.moved(limit):
+    for name, result in results.items() if fail_on else ():
+        if result.changed if limit is None else result.moved(limit):
             raise LimitMissed(
                 f"{name}: the predicted {result.output} is {result.ratio:.4g} times that of "
                 f"{models[0]}, and `--fail-on {fail_on}` does not allow this change",

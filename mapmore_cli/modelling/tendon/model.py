@@ -112,19 +112,18 @@ class TendonVerbs(Verbs):
         return kinds.outside_range(body.muscle, of_muscle)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the equations for the length and, if it is an input, for the velocity of the
-        muscle, followed by the equations of the muscle.
+        """Return the equation for the length of the muscle (and for its velocity, if the velocity
+        is an input), followed by the equations of the muscle.
 
         In these equations, `length` and `velocity` are those of muscle and tendon together, and
         `muscle_length` and `muscle_velocity` those of the muscle alone.
         """
         body, force = model.body_of(Tendon), model.output.name
-        stretched = [f"muscle_length = length - ({force} - {body.force:g})/{body.stiffness:g}"]
+        text = f"muscle_length = length - ({force} - {body.force:g})/{body.stiffness:g}"
         if "velocity" in model.input_names:
-            stretched.append(f"muscle_velocity = velocity + rate({force})/{body.stiffness:g}")
-        name = f"{body.muscle.name}: tendon"
-        tendon = (Equation(name, text, rf"\text{{{tex_text(text)}}}") for text in stretched)
-        return (*tendon, *map(_of_muscle, kinds.equations(body.muscle, units)))
+            text += f", muscle_velocity = velocity + rate({force})/{body.stiffness:g}"
+        tendon = Equation(f"{body.muscle.name}: tendon", text, rf"\text{{{tex_text(text)}}}")
+        return (tendon, *map(_of_muscle, kinds.equations(body.muscle, units)))
 
     def parameters(self, model: Model) -> int:
         """Return the number of parameters of the muscle. The tendon has none, because it is not
