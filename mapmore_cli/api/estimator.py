@@ -32,8 +32,8 @@ TOLERANCE = 1e-4  # default tolerance with `stop: tolerance`
 FEWEST = 3  # a model may have this many terms, however few samples there are
 # largest rounding error of the differences between powers of a column that is not centred
 LOST = 1e-10
-# A coefficient is a sum of contributions, which may cancel. It counts as zero if it is smaller
-# than this fraction of the sum of the magnitudes of the contributions.
+# A coefficient is a sum of contributions, which may cancel. It counts as zero if it is smaller than
+# this fraction of the sum of their magnitudes.
 ROUNDING = 1e-13
 
 
@@ -59,10 +59,10 @@ class FROLS:
     coefficients and their error reduction ratios.
 
     If a column of `X` is far from zero, for example `1e6 + x`, its monomials differ only by
-    rounding errors. The mean of such a column is subtracted before terms are selected. `predict`
-    uses terms of the column minus its mean, and `selection_` and `table_` contain these terms.
-    `terms_` and `coef_` describe the same model by terms of the original column. For this, powers
-    of (column - mean) are expanded, which can add terms that were not selected. The error reduction
+    rounding errors. The mean c of such a column x is subtracted before terms are selected.
+    `predict`, `selection_` and `table_` use terms of the difference x - c, for example
+    `(x - c)^2`. `terms_` and `coef_` describe the same model by terms of x itself. For this,
+    powers of x - c are expanded, which can add terms that were not selected. The error reduction
     ratio of an added term is zero.
 
     >>> x = np.linspace(0, 1, 50)

@@ -25,7 +25,7 @@ COMPARED = 200
 ROUNDING = 1e-4
 LITTLE = 0.01  # below this fraction of the samples or of a range, a finding may be due to chance
 SOME = 0.05  # above this fraction of the samples or of a range, a finding is worth a warning
-# this fraction counts as most: of the samples, of a difference, or of the largest value
+# limit between the smaller and the greater part: of samples, a difference, or the largest value
 MUCH = 0.5
 
 SLOW = 0.04  # largest rate of a settled pressure, as a fraction of the pressure range per second

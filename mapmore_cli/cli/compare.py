@@ -59,7 +59,7 @@ def compare(
             metavar="WHEN",
             help=(
                 "Exit with code 6 if the muscle has `changed`; or, with a number such as 0.03, if "
-                "its force differs by more than this fraction."
+                "the output of the model differs by more than this fraction."
             ),
         ),
     ] = None,
@@ -99,9 +99,14 @@ def compare(
     )
     campaigns = [find_campaign(text, runs, archive) for text in models]
     if any(campaigns):
-        if len(models) != 2 or not all(campaigns) or figure is not None:
+        if figure is not None:
             raise UsageError(
-                f"{', '.join(models)}: campaigns are compared two at a time, and without a figure",
+                f"--figure {figure}: the drift of campaigns cannot be drawn",
+                "leave out --figure, or name a run of each campaign",
+            )
+        if len(models) != 2 or not all(campaigns):
+            raise UsageError(
+                f"{', '.join(models)}: a campaign can be compared with one other campaign only",
                 "name two campaigns, for example `mapmore compare muscles@spring muscles`",
             )
         before, after = (known or {} for known in campaigns)
@@ -117,11 +122,13 @@ def compare(
         if figure is not None:
             _draw(models, paths, figure)
     print_view(view, as_json)
-    for name, result in results.items():
-        if result.changed if limit is None and fail_on else result.moved(limit):
+    for name, result in results.items() if fail_on else ():
+        if result.changed if limit is None else result.moved(limit):
             raise LimitMissed(
-                f"{name}: force is {result.ratio:.4g} times that of {models[0]}",
-                "the tables show the curves that changed; --fail-on sets the allowed change",
+                f"{name}: the predicted {result.output} is {result.ratio:.4g} times that of "
+                f"{models[0]}, and `--fail-on {fail_on}` does not allow this change",
+                "look in the tables which curves changed; if the change is acceptable, give "
+                "--fail-on a larger number",
             )
 
 

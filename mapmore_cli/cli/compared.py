@@ -73,8 +73,8 @@ def _verdict(before: str, after: str, comparison: Comparison) -> str:
     low, high = comparison.interval
     margin = f"{100 * comparison.margin:g} %"
     size = (
-        f"force is {comparison.ratio:.4f} times that of {before} (95 % interval {low:.4f} to "
-        f"{high:.4f}, {len(comparison.curves)} curves)"
+        f"{comparison.output} is {comparison.ratio:.4f} times that of {before} "
+        f"(95 % interval {low:.4f} to {high:.4f}, {len(comparison.curves)} curves)"
     )
     if comparison.same_recordings:
         return (

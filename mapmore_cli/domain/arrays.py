@@ -58,7 +58,7 @@ Ranges = Mapping[QuantityName, Span]
 
 
 def row_count(columns: Columns) -> int:
-    """Return the number of rows of a table; zero for one without columns."""
+    """Return the number of rows of a table; zero for a table without columns."""
     return len(next(iter(columns.values()), ()))
 
 
@@ -82,9 +82,9 @@ def root_mean_square(values: Array) -> float:
 
 
 ROWS, WIDE = 1 << 14, 1 << 17
-"""Numbers of samples in a block. Columns of the first length have 128 KB, so that values computed
-from them stay in the processor's cache. The second is for work with a high cost per call, such as
-calls of a model.
+"""Numbers of samples in a block. A column of `ROWS` numbers has 128 KB, so that values computed
+from it stay in the processor's cache. `WIDE` is for work in which each call has a high cost,
+whatever the number of samples, for example the calls of a model.
 """
 
 

@@ -203,8 +203,8 @@ class Curve:
         return (slice(None),) if self.origin is None else self.logs
 
     def together(self, parts: Sequence[Array]) -> Array:
-        """Return one column of the curve, (n,), from its `parts`. There is one part for each of the
-        `stretches`, that is for each recording, in their order.
+        """Return one column of the curve, (n,), from its `parts`. Part i holds the values of the
+        samples of recording i, in the order of `stretches`.
         """
         if self.origin is None:
             return parts[0]

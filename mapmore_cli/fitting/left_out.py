@@ -195,8 +195,8 @@ def refit_run(run_dir: Path, dataset: Dataset) -> Model:
 
 
 MUCH = 0.1
-"""Fraction of the held-out samples. A model that was trained with a larger fraction of them counts
-as having seen them.
+"""Largest fraction of the held-out samples that may be equal to training samples of a model by
+chance. With a larger fraction, the model counts as trained with the held-out samples.
 """
 
 

@@ -229,8 +229,9 @@ class _Line:
     def _turning_points(
         self, low: Array, high: Array, rows: IntArray, splits: int
     ) -> tuple[Array, IntArray]:
-        """Return the places within the given parts at which the slope of the output changes its
-        sign, and the middle of each part that had to be divided. Also return the row of each place.
+        """Return the places between `low` and `high` at which the slope of the output changes its
+        sign, and the row of each place. A part in which the slope may change its sign again is
+        divided, at most `splits` times; the places of the divisions are returned too.
         """
         start, end = np.nextafter(low, np.inf), np.nextafter(high, -np.inf)
         (left, slope_left), (right, slope_right) = self.both(start, rows), self.both(end, rows)

@@ -76,11 +76,11 @@ FROM_TO = ("from", "to")
 
 @dataclass(frozen=True, repr=False)
 class Table:
-    """Rows under named columns; prints as text, and in notebooks as HTML.
+    """Rows under named columns. A table is shown as text, and in notebooks as HTML.
 
     - `name`: stem of its file name, for example `scores`.
-    - `rows`: one tuple a row, as long as `columns`.
-    - `notes`: what a reader must know, one sentence each.
+    - `rows`: a tuple for each row, with as many cells as there are `columns`.
+    - `notes`: sentences that a reader of the table must know.
     """
 
     name: str

@@ -27,9 +27,9 @@ _FILES: ContextVar[_Files | None] = ContextVar("_FILES", default=None)
 
 @contextmanager
 def files_read() -> Iterator[set[Path]]:
-    """Collect the paths of the files that are read within the context. If the context is inside
-    another one of this kind, both collect the paths, and the outputs of the outer context count in
-    the inner one too.
+    """Collect the paths of the files that are read within the context. Contexts can be nested: a
+    file that is read within the inner context is added to the paths of both, and a file that was
+    noted as an output in the outer context is an output in the inner context too.
     """
     around = _FILES.get()
     files = _Files(set(), [] if around is None else around.outputs)

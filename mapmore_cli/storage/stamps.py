@@ -21,8 +21,8 @@ def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> 
     """Return the stamp of a file. The hash is taken from `known` if the state of the file is the
     same, unless `rehash` is True. Raises OSError if the file cannot be read.
     """
-    # The state is taken before the file is read.
-    # If the file changes during reading, its time differs from the stamp: it is read again.
+    # The state is taken before the file is read. If the file changes while it is read, its time
+    # then differs from the time in the stamp, so that the file is read again later.
     state = state_of(path.stat())
     if known is not None and not rehash and known.is_of(state):
         return known

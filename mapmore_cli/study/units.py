@@ -152,7 +152,7 @@ def default_unit(
     """
     if name in changes:
         return changes[name]
-    # a check of the spec reports a rate that is derived from itself
+    # A rate that is derived from itself would recur forever; a check of the spec reports it.
     others = {key: of for key, of in rates.items() if key != name}
     if name in rates or name.endswith("_rate"):
         of = rates.get(name, name.removesuffix("_rate"))

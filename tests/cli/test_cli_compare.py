@@ -10,8 +10,9 @@ import pytest
 from cli_samples import change_forces, write_study
 from test_views_by_hand import CHANGED
 
-from mapmore_cli.cli.compare import _of_models
-from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.cli.compare import _of_models, compare
+from mapmore_cli.cli.console import View
+from mapmore_cli.domain.errors import LimitMissed, UsageError
 
 
 def scaled_study(folder, factor):
@@ -176,7 +177,9 @@ def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_pa
     answers = {one["run"]: one["answer"] for one in json.loads(result.stdout)["runs"]}
     assert answers == {"first": "settings", "second": "changed"}
     assert "2 runs: 1 changed, 1 settings." in mapmore(*arguments, code=0).stdout
-    mapmore("compare", "both@x", "first", *places, code=2, says="two at a time")
+    mapmore("compare", "both@x", "first", *places, code=2, says="one other campaign")
+    drift = ("--figure", tmp_path / "drift.svg")
+    mapmore(*arguments, *drift, code=2, says="drift of campaigns cannot be drawn")
     members["runs"].append("../elsewhere")
     (runs / "both" / "campaign.json").write_text(json.dumps(members))
     mapmore(
@@ -188,6 +191,15 @@ def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_pa
         code=4,
         says="does not contain the names of the campaign's runs",
     )
+
+
+def test_the_error_names_the_output(monkeypatch):
+    monkeypatch.setattr("mapmore_cli.pipeline.archive.find_campaign", lambda *_: None)
+    monkeypatch.setattr("mapmore_cli.pipeline.archive.find_model", lambda *_: Path("a"))
+    results = {"new": CHANGED}, View({})
+    monkeypatch.setattr("mapmore_cli.cli.compare._of_models", lambda *_: results)
+    with pytest.raises(LimitMissed, match="new: the predicted torque is 1"):
+        compare(["old", "new"], fail_on="0.03")
 
 
 def test_outputs_are_compared_one_by_one_and_models_with_the_first(monkeypatch):

@@ -27,19 +27,19 @@ CURVES = (
     CurveChange("p=2", 2.0, 50, 1.08, 0.4, 2.0, 4.0, 7.5, {"strain": 0.1, "pressure": 2.0}, False),
 )
 CHANGED = Comparison(
-    "a", "b", "N", CURVES, 1.056, (1.05, 1.062), (1.052, 1.06), 0.001, None, 0.02, 0.006,
+    "a", "b", "torque", "Nm", CURVES, 1.056, (1.05, 1.062), (1.052, 1.06), 0.001, None, 0.02, 0.006,
     (TermChange("p=1/1", "strain", 1.0, 2.0, 0.4, "as noise"),),
 )  # fmt: skip
-SIZE = "force is 1.0560 times that of old (95 % interval 1.0500 to 1.0620, 2 curves)"
+SIZE = "torque is 1.0560 times that of old (95 % interval 1.0500 to 1.0620, 2 curves)"
 SAME = replace(CHANGED, ratio=1.0, interval=(0.985, 1.015), narrow=(0.99, 1.01))
-WITHIN = "force is 1.0000 times that of old (95 % interval 0.9850 to 1.0150, 2 curves)"
+WITHIN = "torque is 1.0000 times that of old (95 % interval 0.9850 to 1.0150, 2 curves)"
 UNCLEAR = "The data cannot show whether new has changed by more than 2 %: "
 
 
 @pytest.mark.parametrize(
     ("comparison", "sentence"),
     [
-        (CHANGED, f"new has changed: {SIZE}. The largest effect is at p=2: +7.5 N at strain 0.1, "
+        (CHANGED, f"new has changed: {SIZE}. The largest effect is at p=2: +7.5 Nm at strain 0.1, "
                   "pressure 2."),
         (replace(CHANGED, same_recordings=True), "new was made from the same recordings as old: a "
                   f"difference comes from the settings, not from the muscle: {SIZE}."),

@@ -164,7 +164,7 @@ def test_forms_without_a_call_have_no_snippet_and_unknown_forms_are_refused():
 def test_an_integer_has_bits_for_fourteen_inputs_and_one_more():
     model, extra = formula("sarosi"), [Quantity(f"i{k}", "1") for k in range(13)]
     assert c_source(replace(model, inputs=(*model.inputs, *extra[:12])))
-    with pytest.raises(UsageError, match="has 15 inputs, but the bit mask has room for 14"):
+    with pytest.raises(UsageError, match="has 15 inputs, but a model in C can have at most 14"):
         c_source(replace(model, inputs=(*model.inputs, *extra)))
     with pytest.raises(UsageError, match="the strain as a fraction and the force in N"):
         exported(replace(model, output=Quantity("force", "kN")), "mujoco")

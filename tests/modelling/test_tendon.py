@@ -10,6 +10,8 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.models import Body, Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling import kinds
+from mapmore_cli.modelling.equations import as_equation
+from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.tendon import Tendon
 from mapmore_cli.modelling.tendon.model import TendonVerbs, muscle_columns, solve
 from mapmore_cli.pipeline.notebooks import LoadedModel
@@ -54,14 +56,22 @@ def behind_a_tendon(*inputs):
 def test_a_muscle_behind_a_tendon_is_outside_its_range_by_its_own_length(monkeypatch):
     monkeypatch.setattr(kinds, "predict", lambda _muscle, own: 5 + 30 * own["length"])
     monkeypatch.setattr(kinds, "outside_range", lambda _muscle, own: own["length"] > 0.5)
-    monkeypatch.setattr(kinds, "equations", lambda _muscle, _units: ("of the muscle",))
     model, length = behind_a_tendon("length"), np.linspace(-1, 1, 99)
     force = (5 + 30 * (length + 2 / 60)) / 1.5
     outside = TendonVerbs().outside_range(model, {"time": np.arange(99.0), "length": length})
     assert outside.tolist() == (length - (force - 2) / 60 > 0.5).tolist()
-    stretched, *others = TendonVerbs().equations(model, {})
-    assert stretched.text == "length = length - (force - 2)/60"
-    assert others == ["of the muscle"]
+
+
+def test_the_equations_distinguish_the_lengths_of_the_muscle_and_of_the_whole(monkeypatch):
+    own = as_equation("own", parse("rest_length*length - velocity"), 6, weight="length < 3")
+    monkeypatch.setattr(kinds, "equations", lambda _muscle, _units: (own,))
+    tendon, muscle = TendonVerbs().equations(behind_a_tendon("length", "velocity"), {})
+    stretched = "muscle_length = length - (force - 2)/60"
+    assert tendon.text == f"{stretched}, muscle_velocity = velocity + rate(force)/60"
+    assert tendon.latex.startswith(r"\text{muscle\_length = length")
+    renamed = parse("rest_length*muscle_length - muscle_velocity")
+    assert muscle == as_equation("own", renamed, 6, weight="muscle_length < 3")
+    assert TendonVerbs().equations(behind_a_tendon("length"), {})[0].text == stretched
 
 
 @pytest.mark.parametrize(

@@ -197,13 +197,14 @@ def test_scores_of_runs_have_the_groups_and_references_of_their_campaign():
     paper = Published("a paper", {"mapmore": 0.1})
     results = {
         "A": SimpleNamespace(name="a", table=SimpleNamespace(each=(one,)), published=paper),
-        "B": SimpleNamespace(name="b", table=SimpleNamespace(each=(one, other)), published=None),
+        "B": SimpleNamespace(name="b", table=SimpleNamespace(each=(one, other)), published=paper),
         "C": ValueError("lost"),
     }
     scores = scores_of(results)
     assert [*scores.runs] == ["a", "b (x)", "b (y)"]
     assert scores.units == {"a": "mm", "b (x)": "mm", "b (y)": "N"}
-    assert (scores.published, scores.failed, scores.groups) == ({"a": paper}, ("C",), {})
+    assert scores.published == dict.fromkeys(["a", "b (x)", "b (y)"], paper)
+    assert (scores.failed, scores.groups) == (("C",), {})
     runs = [SimpleNamespace(group=group) for group in (None, "g", "h")]
     campaign = SimpleNamespace(runs=runs, relative_to="sarosi", best_of=["sarosi"])
     scores = scores_of(results, campaign)

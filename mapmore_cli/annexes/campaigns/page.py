@@ -108,7 +108,6 @@ def scores_of(
     from mapmore_cli.annexes.campaigns.tables import CampaignScores
 
     finished = {name: run for name, run in results.items() if not isinstance(run, BaseException)}
-    runs = finished.values()
     outputs = [
         (
             name,
@@ -121,7 +120,9 @@ def scores_of(
     scores = CampaignScores(
         {label: table.scores for _, label, table in outputs},
         units={label: unit for _, label, table in outputs for unit in table.units.values()},
-        published={run.name: run.published for run in runs if run.published is not None},
+        published={
+            label: paper for name, label, _ in outputs if (paper := finished[name].published)
+        },
         failed=tuple(name for name in results if name not in finished),
     )
     if campaign is None:

@@ -106,9 +106,11 @@ def refuse_choice(table: Table, where: str, path: str, is_map: bool) -> UsageErr
 def _clock_among(
     columns: Mapping[int, TitledColumn], table: Table
 ) -> tuple[int | None, str, str, str]:
-    """Return the column that may be a clock, or that counts the rows, and the question about this
-    column. Also return two texts for the example command: the clock as a further input, and an
-    option.
+    """Return the number of the column that may be a clock or counts the rows (None if there is no
+    such column), a question about it, and two texts to append to the example command.
+
+    For a clock, the first text is a further input, such as `,time=3:s`. For a column that counts
+    the rows, the second text is ` --sample-time 10ms`. A text that does not apply is empty.
     """
     has_clock = any(one.is_time for one in table.values())
     # if there are only two columns, these are the input and the target, so none is a clock

@@ -51,8 +51,8 @@ from mapmore_cli.modelling.programs import program_of
 from mapmore_cli.modelling.ranges import OUTSIDE_TOLERANCE
 
 MOST_INPUTS = 14
-"""Largest number of inputs: the returned number has a bit for every input and one more, and an
-`int` may have 16 bits.
+"""Largest number of inputs. The number that the C function returns has one bit for each input and a
+further bit, and an `int` may have only 16 bits.
 """
 
 STATUS = (NONE, ONE, SEVERAL, FLAT)
@@ -97,11 +97,9 @@ def c_source(model: Model, single: bool = False) -> CSource:
     """
     if len(model.inputs) > MOST_INPUTS:
         raise UsageError(
-            (
-                f"{model.name} has {len(model.inputs)} inputs, but the bit mask has room for "
-                f"{MOST_INPUTS}"
-            ),
-            "export the models that it consists of one by one",
+            f"{model.name} has {len(model.inputs)} inputs, but a model in C can have at most "
+            f"{MOST_INPUTS}, because the number that the C function returns has one bit for each",
+            "use fewer inputs; if the model is a sum, export each of its parts alone",
         )
     name, program = identifier(model.name), program_of(model)
     dialect = SINGLE if single else DOUBLE

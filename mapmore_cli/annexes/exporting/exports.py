@@ -43,8 +43,8 @@ class Form(NamedTuple):
     - `options`: options of the command that work with this form.
     - `whole`: True if all outputs of a model are written together, otherwise each is written alone.
     - `notice`: True if files of code get the notice of mapmore's licence.
-    - `endings`: what follows the name of the model in the names of those files that are written for
-      every model.
+    - `endings`: endings of the names of those files that are written for every model, for example
+      `_main.c`. The name of the model stands before the ending.
     """
 
     write: Exporter

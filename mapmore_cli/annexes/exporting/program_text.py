@@ -100,8 +100,8 @@ def _function(program: Program, dialect: Dialect, function: Function) -> dict[st
 
 
 def texts_of(part: object) -> Iterator[str]:
-    """Yield every text within a part of a program, except notes and the names of functions in
-    expressions, which mapmore itself defines.
+    """Yield every text within a part of a program, except two kinds of text: notes, and the names
+    of functions in expressions (such as `exp`), because mapmore itself defines these names.
     """
     if isinstance(part, str):
         yield part
@@ -132,12 +132,6 @@ class Body:
 
     def _line(self, form: str, *parts: str, **named: object) -> None:
         self.lines.append(Code(form.format(*parts, **named)))
-
-    def _inner(self, lines: list[Code]) -> Body:
-        """Return the body of an inner block. The inner block can use the names of this body, but
-        its own names are valid only within it.
-        """
-        return replace(self, lines=lines, known=dict(self.known))
 
     def block(self, block: Block) -> list[Code]:
         """Write the statements of a block, and return its results."""
@@ -178,7 +172,11 @@ class Body:
     def _choose(self, choice: Choose) -> None:
         dialect, names = self.dialect, choice.names
         conditions = [self._condition(condition) for condition, _ in choice.cases]
-        sides = [self._inner([] if dialect.branches else self.lines) for _ in choice.blocks]
+        # a block can use the names of this body, but its own names are valid only within the block
+        sides = [
+            replace(self, lines=[] if dialect.branches else self.lines, known=dict(self.known))
+            for _ in choice.blocks
+        ]
         results = [side.block(block) for side, block in zip(sides, choice.blocks, strict=True)]
         if not dialect.branches:
             for i, name in enumerate(names):

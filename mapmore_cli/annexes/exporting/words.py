@@ -169,8 +169,8 @@ LIBRARY: Mapping[str, str] = {
         "lpt6 lpt7 lpt8 lpt9"
     ),
 }
-"""Functions, modules and headers of languages and file names of systems, which no model may have as
-its name, because the file or function of the model would hide them.
+"""Names that no model may have: names of functions, modules and headers of languages, and file
+names that operating systems reserve. The file or the function of such a model would hide them.
 """
 
 

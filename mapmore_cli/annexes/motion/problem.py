@@ -186,8 +186,8 @@ class Problem:
         self.evaluations = 0
 
     def responses(self, p1: float, p2: float) -> Array:
-        """Return outputs, (n, m), at the section's own samples, when each of the m drives alone
-        acts with weight one.
+        """Return the responses of the section to each of its m drives, at its own samples, (n, m).
+        For column j, drive j has the weight one, and all other drives have the weight zero.
         """
         self.evaluations += 1
         return np.concatenate(

@@ -67,8 +67,8 @@ def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level:
     folds = list(zip(*(_block_masks(curve, along) for curve in dataset.curves), strict=True))
     if any(not any(mask.any() for mask in fold) for fold in folds):
         raise DataError(
-            f"every curve has fewer than {BLOCKS} training samples, but {BLOCKS} blocks of them "
-            "must be left out in turn to compare settings",
+            f"every curve has fewer than {BLOCKS} training samples; to compare settings, mapmore "
+            f"divides each curve into {BLOCKS} blocks of samples and leaves out each block in turn",
             "loosen `data.keep`, hold out less, or add recordings",
         )
     of = "curve" if along else "recording"

@@ -23,7 +23,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-# weight of points whose expected |target| is below the fraction `LITTLE` of the largest one
+# weight of points whose expected |target| is below the fraction `LITTLE` of the largest |target|
 SLACK, LITTLE = (
     0.15,
     0.02,

@@ -39,9 +39,11 @@ class Slice:
     by_level: bool
 
     def in_order(self, dataset: Dataset) -> bool:
-        """Return True if a model of the study may run along its recordings: held-out samples are
-        not drawn at random, no level is left out, and `cycles` have not changed the order of the
-        samples.
+        """Return True if the samples of each recording can be used in the order of time, so that a
+        model can predict them one after the other.
+
+        This needs four conditions: there is a time, held-out samples are not drawn at random, no
+        level is left out, and `cycles` have not changed the order of the samples.
         """
         drawn = self.held_out is not None and self.held_out.fraction is not None
         known = dataset.quantities
@@ -54,8 +56,8 @@ class Bench:
     out.
 
     Each fold, (n,), covers all samples, curve after curve. The first `blocks` folds leave out
-    stretches of curves, the others whole levels, recordings or their ends. Their `weights`, (f,),
-    count relative to each other. `asks_parts` is True if most held-out samples belong to whole
+    stretches of curves, the others whole levels, recordings or their ends. Only the ratios
+    of their `weights`, (f,), matter. `asks_parts` is True if most held-out samples belong to whole
     levels, to recordings or to ends. The `study` contains training samples and held-out samples,
     both evenly thinned; the outputs of its held-out samples are not used.
     """

@@ -168,11 +168,14 @@ def _standing(inputs: Sequence[str], study: Dataset, every: Curve, whole: BoolAr
 def _neighbours(
     at: Array, every: Array, whole: BoolArray
 ) -> tuple[list[BoolArray], list[BoolArray], BoolArray]:
-    """Return folds, (n,), that leave out inner neighbouring values: as many as the study holds out
-    in a row, or a single value. Also return folds that leave out outermost values, and a mask of
-    the samples of the study that lie beyond all training values. At each end that the study holds
-    out, one fold leaves out as many values as the study does. Another fold leaves out one value
-    more, because a choice by a single fold is uncertain. At least two values remain.
+    """Return folds, (n,), that leave out neighbouring values inside the range, folds that leave out
+    values at the ends of the range, and a mask of the samples of the study that lie beyond all
+    training values.
+
+    Each inner fold leaves out as many neighbouring values as the study holds out between two
+    training values, or a single value if the study holds out none there. At each end that the study
+    holds out, one fold leaves out as many values as the study does. Another fold leaves out one
+    value more, because a choice by a single fold is uncertain. At least two values remain.
 
     `at`, (n,), and `every`, (m,), hold the values at the training samples and at the samples of the
     study.

@@ -159,7 +159,7 @@ class Trials:
         outcomes = [*chain(*done)]
         self.listed += len(jobs)
         self.cut += done[: len(jobs)].count([])
-        # forks of this process have done work that its own clock does not include
+        # the clock of this process does not include the work of its child processes
         self.worked = before + sum(one.seconds for one, _ in outcomes) / free_processors()
         return outcomes
 

@@ -83,8 +83,9 @@ class Situation:
 def situation_of(
     dataset: Dataset, ignored: Sequence[str] = (), inputs: Sequence[str] | None = None
 ) -> Situation:
-    """Return the properties of the training samples of a dataset; `ignored` quantities are no
-    inputs, and `inputs` are all inputs if they are given.
+    """Return the properties of the training samples of a dataset. If `inputs` is given, only these
+    quantities are inputs. Otherwise, every quantity that varies is an input, except the `ignored`
+    quantities.
     """
     training = [curve for curve in dataset.curves if curve.training.any()]
     columns = pooled_training(training)

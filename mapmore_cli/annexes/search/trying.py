@@ -59,9 +59,10 @@ long lags say nothing about short recordings.
 
 
 def tried_ways(candidate: Tried, bench: Bench) -> list[Outcome]:
-    """Fit a structure, and return it once for each of its `continuations` outside the range of a
-    curve, the candidate's own first. If the study sets the extrapolation, only this is tried. A
-    continuation with the same errors as an earlier one on every sample is left out.
+    """Fit a structure, and return an outcome for each of its `continuations`, which say how the
+    model continues outside the range of a curve. The continuation of the candidate itself comes
+    first. If the study sets the extrapolation, no other continuation is tried. A continuation is
+    left out if its errors equal those of an earlier continuation on every sample.
     """
     choices = choices_of(candidate.sections, bench.part)
     model, whole = refit_near(choices, bench.dataset, None)

@@ -25,7 +25,7 @@ class Part:
     """A model in a sum.
 
     An input may be the output of another model, for example the pressure behind a valve. `fed`
-    holds such models; the output of each has the name of the input.
+    holds such models. The output of such a model has the same name as the input that it provides.
     """
 
     model: Annotated[Model, "the model"]

@@ -197,7 +197,7 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
 
 
 def _numbered(formula: Formula, number: int) -> Formula:
-    """Return a formula with a number appended to its names."""
+    """Return a formula with `_number` appended to the names of its inputs and parameters."""
     if type(formula) is not Formula or formula.dimensions:
         raise SpecError(
             f"{formula.name} cannot be fitted together with other formulas in a sum",

@@ -58,7 +58,9 @@ def _whole(model: Model) -> Equation:
 
 
 def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Columns]]:
-    """Yield each part with its inputs, under the names that the part uses."""
+    """Yield each part with the columns from which its model is computed. The columns have the names
+    that the model of the part uses for its inputs.
+    """
     n = row_count(columns)
     for part in parts:
         renamed = {
@@ -73,8 +75,9 @@ def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Colu
 
 
 def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
-    """Write a part after the models that feed it. The part has no value as long as one of these
-    models has none, because its history is missing.
+    """Write the models whose outputs are inputs of a part, then the part itself, and return its
+    value. The value is NaN as long as one of these models has no value because it needs earlier
+    samples.
     """
     renamed = {
         name: m.let("input", substitute(parse(text), inputs)) for name, text in part.inputs.items()
@@ -155,8 +158,8 @@ class SumVerbs(Verbs):
         )
 
     def rules(self, model: Model) -> Iterator[str]:
-        """Yield the sentences that say how the equations of each part are combined, each after the
-        name of the part's model.
+        """Yield, for each part, the sentences that say how its equations are combined. Each
+        sentence begins with the name of the part's model, for example `spring: ...`.
         """
         for part in model.body_of(Sum).parts:
             for inner in part.models:

@@ -207,6 +207,10 @@ class _MathML(_Latex):
     underscore, upright, letter = "_", "<mi>{}</mi>", "<mi>{}</mi>"
     indexed, past = "<msub>{}<mn>{}</mn></msub>", "<mrow>{}<mo>[k−{}]</mo></mrow>"
 
+    def number(self, value: float) -> _Bound:
+        text, bound = super().number(value)
+        return text.replace("-", "−"), bound
+
     def call(self, function: str, argument: str) -> _Bound:
         text = FUNCTIONS[function].texts["mathml"].replace("#", argument)
         return f"<mrow>{text}</mrow>", _POWER

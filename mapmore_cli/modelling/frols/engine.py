@@ -1,5 +1,9 @@
-"""Provide `frols` and `frols_together`. The shape of the dictionary decides which form of the
-remainders is used.
+"""Select terms by forward regression with orthogonal least squares (`frols`, `frols_together`).
+
+In each step, the part of every candidate that is orthogonal to the chosen terms (its remainder) is
+needed. The remainders are computed in one of two ways. For a large dictionary with more rows than
+columns, and not too many columns, they follow from the Gram matrix `P'P`. Otherwise, or if the Gram
+matrix loses too many digits, they are computed with an orthonormal basis of the chosen columns.
 """
 
 from __future__ import annotations
@@ -38,7 +42,7 @@ from mapmore_cli.modelling.frols.together import Together, chosen_together
 from mapmore_cli.modelling.frols.weighing import Choice, Weighing, reweighted
 
 # number of columns for which `P'P` takes about as long as one matrix-vector product with `P`
-# The form with a basis needs one matrix-vector product with `P` for each term.
+# With an orthonormal basis (`BasisRemainders`), each term needs one such product.
 GRAM_COLUMNS_PER_TERM = 16
 
 
@@ -210,8 +214,8 @@ def reads_once(n: int, M: int, terms: int) -> bool:
     """Return True if `frols` computes `P'P`, so that the dictionary need not be in memory as a
     whole.
 
-    `P'P` is not computed for a small dictionary, because the form with the basis is more accurate
-    and fast enough. It is not computed for a very wide dictionary either, because reading the
+    `P'P` is not computed for a small dictionary, because an orthonormal basis is more accurate and
+    fast enough. It is not computed for a very wide dictionary either, because reading the
     dictionary once for each term is then faster.
     """
     return n * M > SMALL and n > M and GRAM_COLUMNS_PER_TERM * (terms + 2) >= M

@@ -129,7 +129,7 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
         samples += len(y)
     if samples == 0 or len(total) == 1:
         raise ValueError(
-            "P must have the shape (n, M) and y the shape (n,); P has no row or no column"
+            "P must have the shape (n, M) with at least one row and one column, but it has none"
         )
     total[:-1, -1] = total[-1, :-1]
     return total, samples

@@ -1,4 +1,4 @@
-"""Write notes on a selection. There are notes on inputs so far from zero that their powers cannot
+"""Write notes on a selection. Notes are written on inputs so far from zero that their powers cannot
 be distinguished, and on a model that is only a constant.
 """
 

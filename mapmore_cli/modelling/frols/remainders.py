@@ -1,9 +1,10 @@
-"""Represent the remainders of the candidates and of the output during the selection of terms.
+"""Represent the remainders of the candidates and of the output during the selection of terms: what
+is left after their components along the chosen terms are subtracted.
 
-The form with the Gram matrix (`GramRemainders`) reads a tall dictionary only once. The form with an
-orthonormal basis of the chosen columns (`BasisRemainders`) reads the dictionary in every step, but
-loses no digits. The form with the basis can also work with the triangular factor of the dictionary
-instead of the dictionary.
+`GramRemainders` computes inner products of the remainders from the Gram matrix, so that a tall
+dictionary is read only once. `BasisRemainders` computes them with an orthonormal basis of the
+chosen columns. It reads the dictionary in every step, but loses no digits. Instead of the
+dictionary itself, `BasisRemainders` can also work with the triangular factor of the dictionary.
 """
 
 from __future__ import annotations
@@ -158,8 +159,7 @@ class GramRemainders(Remainders):
 # A dictionary with at most this many values counts as small, so accuracy precedes speed.
 SMALL = 2**16
 # `LOST` is for a large dictionary, and `LOST_OF_SMALL` is for a small one.
-# If a downdated `q'q` is below this fraction of `p'p`, the candidate's remainder is computed
-# explicitly.
+# If a downdated `q'q` is below this fraction of `p'p`, the remainder is computed explicitly.
 LOST, LOST_OF_SMALL = 1e-6, 1e-2
 # When the residual sum of squares has fallen by this factor, `y'q` is computed again.
 RENEWED = 1e-2

@@ -99,8 +99,8 @@ def descend(
     return ends
 
 
-# A coordinate within this fraction of its range from a bound counts as being at the bound.
-# If the range of a coordinate is infinite, `TOUCHING` is the largest distance from the bound.
+# A coordinate counts as being at a bound if its distance from the bound is at most this fraction of
+# its range, or at most this number if its range is infinite.
 TOUCHING = 1e-6
 
 

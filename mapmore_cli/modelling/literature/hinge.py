@@ -42,9 +42,9 @@ STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
 FIRST = 100
 # starting value of w: a sharp hinge, which the search can widen
 START_W = 0.02
-# starting values of `hi` are fitted to normalised targets above this value
+# The starting values of `hi` are fitted to the samples with a normalised target above this value.
 UPPER = 0.12
-# starting values of `lo` are fitted to normalised targets below this value
+# The starting values of `lo` are fitted to the samples with a normalised target below this value.
 FOOT = 0.06
 # largest |a3|; data cannot distinguish steeper decays
 LARGEST_A3 = 15.0
@@ -69,7 +69,7 @@ PRIOR_W = 0.03
 INDEPENDENT = 300
 # with at most this many strain levels, any curvature fits; this affects only the text of a note
 FEW_LEVELS = 3
-# in the note on few levels, levels closer than this fraction of max|strain| count as one
+# Levels count as one level in this note if they are closer than this fraction of max|strain|.
 APART = 0.05
 
 

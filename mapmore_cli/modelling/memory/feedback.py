@@ -169,8 +169,8 @@ class Parts(NamedTuple):
         weights: Sequence[Expression],
         names: Mapping[str, Expression],
     ) -> Expression:
-        """Return the expression `base + sum_g weight_g own_g`. `names` holds the expressions of the
-        states.
+        """Write the output `base + sum_g weights[g] owns[g]`, and return its name. `base` is the
+        part without fed-back states. `names` holds the expressions by which states are replaced.
         """
         fed = [
             product_as_written(weight, m.let("own", substitute(part, names)))

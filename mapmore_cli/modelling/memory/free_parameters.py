@@ -39,8 +39,9 @@ class Unknown:
     """The m parameters of operators that are not written in the terms, and are therefore estimated.
     For a parameter that must be positive, the search coordinate is its logarithm.
 
-    - `states`: operators without parameters, without repetitions and the innermost first.
-      Operators that occur in two sets of terms have the same order in both sets.
+    - `states`: the operators whose parameters are not written, each once. An operator stands after
+      the operators on which it acts. The order depends only on the names, so that it is the same
+      for any other set of terms.
     - `step`, `longest`: time between samples and duration of the longest piece, s.
     """
 
@@ -89,8 +90,8 @@ class Unknown:
         return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
 
     def those_of(self, part: Unknown) -> BoolArray:
-        """Return a mask, (m,), of the parameters that occur in `part`, the unknown parameters of
-        some of the terms.
+        """Return a mask, (m,), that is True for the parameters in `part`. `part` holds the unknown
+        parameters of a subset of the terms.
         """
         return np.array([operated in part.states for operated, _ in self.places], dtype=np.bool_)
 

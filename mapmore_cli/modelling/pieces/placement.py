@@ -24,7 +24,7 @@ EVERY_CORNER_UP_TO = 3
 # singular values of the parabola's fit below this fraction of the largest one count as zero
 FLAT = 1e-3
 ALIKE = 1e-12  # relative difference up to which weights count as equal
-EXTRA = 1  # number of further samples that are used for the parabola if weights are not equal
+EXTRA = 1  # If weights are not equal, the parabola is fitted to this number of additional samples.
 ROUNDING = 1e-9  # relative rounding error of a sum of weights
 
 

@@ -32,7 +32,7 @@ from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
 # width over which slopes are computed, and smallest distance of two bends (fraction of the range)
 WINDOW = 0.1
-# relative tolerance of the smallest distance of two bends, because of rounding errors
+# Because of rounding errors, two bends may be closer than their smallest distance by this fraction.
 ROUNDING = 1e-9
 # smallest number of samples in a segment, so that a gap in a curve gets no segment of its own
 FEWEST_SAMPLES = 5

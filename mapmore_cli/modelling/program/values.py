@@ -45,13 +45,14 @@ of rows n, and returns the results, each of shape (n,) or one number for all row
 """
 
 Places = Callable[[Values, Shared, int], Iterator[tuple[int, IntArray]]]
-"""Function that yields the number of each case that some rows take, in ascending order, with the
-row numbers, shape (m,). The last case has no condition.
+"""Function that yields, for each case that at least one row takes, the number of the case and the
+numbers of these rows, shape (m,). The cases come in ascending order. The last case has no
+condition.
 """
 
 Test = Callable[[Values, Shared], BoolArray]
-"""Function that evaluates a condition. It returns a value for each row, shape (n,), or one for all
-rows.
+"""Function that evaluates a condition. It returns True or False for each row, shape (n,), or a
+single value for all rows.
 """
 
 Step = Callable[[Values, Shared, int], None]
@@ -85,8 +86,10 @@ def ready_for_columns(block: Block, functions: Iterable[Function]) -> Run:
 
 
 def ready_for_one_sample(block: Block, rules: Mapping[str, Callable[..., Any]]) -> Run:
-    """Compile a block to a function of one sample. The functions that the block calls are
-    operators.
+    """Compile a block to a function of one sample.
+
+    Every function that the block calls must be one time step of an operator with memory, such as
+    `slow` or `play`. `rules` holds a Python function for each of these operators, by its name.
     """
     return _SampleCompiler(rules).block(block)
 

@@ -34,8 +34,8 @@ ROUNDING = 1e-11
 RIDGE = 1e-11
 # number of coefficients whose derivatives are computed together, to limit the memory
 TOGETHER = 16
-# An inequality between very close places may consist of rounding errors only. An inequality that
-# is smaller than this many rounding errors is ignored.
+# An inequality between very close places may consist of rounding errors only. It is ignored if it
+# is smaller than this many rounding errors.
 ROUNDING_ERRORS = 1000
 
 

@@ -50,7 +50,8 @@ RUNS = 199  # number of simulations of noise alone
 UNLIKELY = 2.0
 # a contradiction counts only if a fitted surface contradicts the sign by this many standard errors
 CONFIRMED = 3.0
-# for each width of the means, number of contradictions that are tested with a fitted surface
+# The test uses means over several widths. For each width, at most this number of contradictions,
+# the most significant ones, may be tested with a fitted surface.
 TRIED = 32
 ABOUT = 3  # for d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell
 LOCAL = 12  # the noise of a cell is the mean over at least this many cells around it

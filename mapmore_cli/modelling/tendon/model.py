@@ -5,7 +5,9 @@ larger than v by the rate of this stretch.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -76,6 +78,21 @@ def _force(model: Model, columns: Columns) -> Array:
     )
 
 
+def _of_muscle(equation: Equation) -> Equation:
+    """Return an equation of the muscle in which its length and velocity have names of their own."""
+
+    def renamed(text: str, underscore: str = "_") -> str:
+        return re.sub(r"\b(?=(length|velocity)\b)", f"muscle{underscore}", text)
+
+    return replace(
+        equation,
+        text=renamed(equation.text),
+        latex=renamed(equation.latex, r"\\_"),
+        mathml=tuple(map(renamed, equation.mathml)),
+        weight=renamed(equation.weight),
+    )
+
+
 class TendonVerbs(Verbs):
     """Operations of a model of a muscle in series with a tendon."""
 
@@ -95,14 +112,18 @@ class TendonVerbs(Verbs):
         return kinds.outside_range(body.muscle, of_muscle)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return the equation for the length of the muscle, followed by the equations of the
-        muscle.
+        """Return the equation for the length of the muscle (and for its velocity, if the velocity
+        is an input), followed by the equations of the muscle.
+
+        In these equations, `length` and `velocity` are those of muscle and tendon together, and
+        `muscle_length` and `muscle_velocity` those of the muscle alone.
         """
         body, force = model.body_of(Tendon), model.output.name
-        stretched = f"length = length - ({force} - {body.force:g})/{body.stiffness:g}"
-        latex = rf"\text{{{tex_text(stretched)}}}"
-        of_muscle = kinds.equations(body.muscle, units)
-        return (Equation(f"{body.muscle.name}: tendon", stretched, latex), *of_muscle)
+        text = f"muscle_length = length - ({force} - {body.force:g})/{body.stiffness:g}"
+        if "velocity" in model.input_names:
+            text += f", muscle_velocity = velocity + rate({force})/{body.stiffness:g}"
+        tendon = Equation(f"{body.muscle.name}: tendon", text, rf"\text{{{tex_text(text)}}}")
+        return (tendon, *map(_of_muscle, kinds.equations(body.muscle, units)))
 
     def parameters(self, model: Model) -> int:
         """Return the number of parameters of the muscle. The tendon has none, because it is not

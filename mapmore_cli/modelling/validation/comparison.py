@@ -108,6 +108,7 @@ class Comparison:
 
     before: str
     after: str
+    output: str
     unit: str
     curves: tuple[CurveChange, ...]
     ratio: float
@@ -130,11 +131,9 @@ class Comparison:
         large = abs(self.ratio - 1) > max(self.margin, self.resolution)
         return not self.same_recordings and (low > 1 or high < 1) and large
 
-    def moved(self, limit: float | None) -> bool:
-        """Return True if the force of the muscle changed by more than the fraction `limit`. Without
-        a limit, return False.
-        """
-        return limit is not None and not self.same_recordings and abs(self.ratio - 1) > limit
+    def moved(self, limit: float) -> bool:
+        """Return True if the output of the muscle changed by more than the fraction `limit`."""
+        return not self.same_recordings and abs(self.ratio - 1) > limit
 
     @property
     def answer(self) -> str:
@@ -180,6 +179,7 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
     return Comparison(
         before=before.name,
         after=after.name,
+        output=before.output.name,
         unit=before.output.unit,
         curves=tuple(
             replace(curve, weight=share)

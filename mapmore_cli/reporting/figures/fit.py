@@ -85,8 +85,8 @@ class CurveFit:
         values below. `words` are the legend entries for held-out samples and for all other samples.
 
         Over time, measured samples are a line; otherwise they are dots, filled if they are held
-        out. A model without prediction is not drawn, and the axes do not grow for one that is far
-        off.
+        out. A model without prediction is not drawn. If the predictions of a model are far off, the
+        axes are not made larger to show them.
         """
         panels.zero_line(bottom)
         self._draw_measured(top, words)
@@ -127,8 +127,8 @@ class CurveFit:
 
 
 def curve_fit(inputs: ReportInputs, number: int, training: bool = False) -> CurveFit:
-    """Return curve `number` of the dataset with the models whose lines are drawn; with `training`,
-    only its training samples with the run's own model.
+    """Return curve `number` of the dataset with the models whose lines are drawn. If `training` is
+    True, return only the training samples of the curve, with the run's own model as the only model.
     """
     curve, timed, ends = inputs.dataset.curves[number], inputs.timed, inputs.interval(number)
     x = curve.columns[_axis(inputs).name]

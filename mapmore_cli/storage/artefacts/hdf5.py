@@ -168,8 +168,9 @@ def address_of(file: h5py.File, path: str) -> int | None:
 def take_array(
     file: h5py.File, path: str, dtype: str, ndim: int, mapped: Callable[[], Any]
 ) -> NDArray[Any]:
-    """Return an array; a huge one is a part of the `mapped` bytes of the file. Raises Invalid for
-    another type or shape.
+    """Return an array. The function `mapped` returns the bytes of the file as a mapping into
+    memory; a huge array is a part of these bytes, so that it is not read as a whole. Raises
+    Invalid for another type or shape.
     """
     with stored_at(path):
         dataset = file.get(path)

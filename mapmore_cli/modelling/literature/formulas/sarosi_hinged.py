@@ -35,7 +35,8 @@ from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 
-# below this training RMSE (fraction of max|F|), a part hardly gains weight by a smaller RMSE
+# If the training RMSE of a part is below this fraction of max|F|, the weight of the part hardly
+# increases if its RMSE becomes even smaller.
 GOOD_ENOUGH = 0.01
 
 PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the exponent s3 may be negative or positive
