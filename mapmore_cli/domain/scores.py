@@ -124,7 +124,7 @@ class Score:
     ] = math.nan
     r_uncentred: Annotated[
         float,
-        "correlation of measured and predicted values without subtracting their means (R of W)",
+        "correlation of measured and predicted values without subtracting their means",
         Measure(lambda row: row.correlation, at_least=True),
     ] = math.nan
     interval_coverage: Annotated[

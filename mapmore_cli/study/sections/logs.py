@@ -154,9 +154,10 @@ class SourceColumn(Section):
       character as their decimal separator, the decimal separator of this column is the other one of
       point and comma. Example: `"."`
     - `texts`: Whether the cells are texts, such as `T01`. Every text then gets a number, counted
-      from 1 in the order of the texts. With `down`, an empty cell has the text of the cell above
-      it, as in a workbook that names a specimen only in the first of its rows. For `recordings` and
-      `groups` only. Example: `true`
+      from 1 in the order in which the texts first occur. With `down`, an empty cell has the text of
+      the cell above it, as in a workbook that names a specimen only in the first of its rows. Use
+      the quantity only in `recordings` and `groups`, because its numbers have no meaning as an
+      input of a model. Example: `true`
     - `columns`: For `time` only: the columns of a clock that is spread over several columns. Their
       values are added. Example: `[date, hour, min]`
     - `format`: For `time` only: the format of the time stamps, in the codes of Python's `strptime`.
