@@ -195,7 +195,7 @@ class ExperimentSpec(Section):
         if memory:
             # states are not scaled, so that numbers of samples and widths stay in physical units
             fit.setdefault("scaling", "none")
-        elif target == "damping":
+        elif dictionary and target == "damping":
             # products of powers remain products only if the origin is not shifted
             fit.setdefault("scaling", "max_abs")
         if memory or (dictionary and _pooled(value)):

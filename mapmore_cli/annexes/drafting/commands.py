@@ -51,7 +51,10 @@ def init(
     ] = None,
     target: Annotated[
         str | None,
-        Option(metavar="LIST", help="The column to predict. Separate several with commas."),
+        Option(
+            metavar="LIST",
+            help="The column to predict. Several, with commas between, become one study each.",
+        ),
     ] = None,
     inputs: Annotated[
         str | None,
