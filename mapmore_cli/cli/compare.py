@@ -57,8 +57,8 @@ def compare(
             "--fail-on",
             metavar="WHEN",
             help=(
-                "Exit with code 6 if the last model says that the muscle has `changed`; or, with a "
-                "number such as 0.03, if its force differs by more than this fraction."
+                "Exit with code 6 if the comparison with the last model says `changed`; or, with a "
+                "number such as 0.03, if the force differs by more than this fraction."
             ),
         ),
     ] = None,
@@ -79,8 +79,8 @@ def compare(
 
     The first model is compared with each of the others, which must be in the order of time. Two
     campaigns are compared run by run. Models with different settings are refused, because the
-    settings could be the cause of a difference. Models that were built from the same recordings
-    cannot show a change of the muscle: the answer is then `settings`.
+    settings could be the cause of a difference. If both models were built from the same recordings,
+    a difference comes from the settings, and not from the muscle.
     """
     from mapmore_cli.cli.compared import of_campaigns
     from mapmore_cli.pipeline.archive import compared, find_campaign, find_model

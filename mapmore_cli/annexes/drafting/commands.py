@@ -108,7 +108,9 @@ def init(
     yes: Annotated[
         bool,
         Option(
-            "--yes", "-y", help="Ask no questions; mark uncertain entries of the spec with CHECK."
+            "--yes",
+            "-y",
+            help="Ask no questions (as with -q); mark uncertain entries of the spec with CHECK.",
         ),
     ] = False,
     force: Annotated[bool, Option("--force", help="Replace specs that exist.")] = False,
