@@ -67,13 +67,13 @@ class Fit(Settings):
       times `max_terms` by default. Example: `30`
     - `loss`: Loss function for residuals. `huber` limits the influence of large residuals.
       `bisquare` ignores residuals larger than 4.685 times `scale`. Outliers are listed, and remain
-      in the data. With `shape`, and with memory if `ridge` or `free_run` is set, only `squares` is
-      possible. Example: `huber`
+      in the data. Only `squares` is possible with `shape`, with `sign` or `bounds` in the
+      dictionary, and with memory if `ridge` or `free_run` is set. Example: `huber`
     - `scale`: Size of an ordinary residual, for `huber` and `bisquare`. `auto` takes 1.4826 times
       the median absolute residual. Example: `auto`
     - `weight`: With `curve`, all pooled curves (or all recordings of one curve) have the same total
-      weight, however many samples they have. Only `sample` is possible with memory and with
-      `shape`. Example: `curve`
+      weight, however many samples they have. Only `sample` is possible with memory, and with
+      `shape`, `sign` or `bounds`. Example: `curve`
     - `shape`: Known shape of the output along its inputs. With memory, it is the shape of the
       output at rest, and only `increasing` and `decreasing` are possible. The coefficients are
       fitted so that the output has this shape; the choice of terms does not consider it. No shape
