@@ -109,7 +109,7 @@ def plan(
             metavar="N",
             min=1,
             max=100,
-            help="Choose N points of the map instead of a level.",
+            help="Choose N points of the map, also if there are levels. Default without levels: 5.",
         ),
     ] = None,
     until: Annotated[
