@@ -46,7 +46,10 @@ def init(
         str | None,
         Option(
             metavar="LIST",
-            help='What the columns are, for example "time:ms,_,pressure:bar,force:N".',
+            help=(
+                "What the columns are, in their order (`_` leaves one out), for example "
+                '"time:ms,_,pressure:bar,force:N".'
+            ),
         ),
     ] = None,
     target: Annotated[
@@ -73,7 +76,9 @@ def init(
     validate: Annotated[
         str | None,
         Option(
-            metavar="NAME", help="What is held out for validation: an input, recordings, or last."
+            metavar="NAME",
+            help="What is held out for validation: an input (its inner values), `recordings`, or "
+            "`last` (the end of each recording).",
         ),
     ] = None,
     recordings: Annotated[
