@@ -89,7 +89,8 @@ def commands() -> str:
     names = group.list_commands(context)
     text = (
         "# Commands\n\nThis page shows what `mapmore COMMAND --help` prints for each command. "
-        "`mapmore --help` lists the commands with one line each.\n\n"
+        "`mapmore --help` lists the commands with one line each, and the options that every "
+        "command accepts, such as `--debug` and `--no-color`.\n\n"
         f"{' · '.join(f'[{name}](#{name})' for name in names)}\n"
     )
     for name in names:

@@ -58,8 +58,8 @@ def compare(
             "--fail-on",
             metavar="WHEN",
             help=(
-                "Exit with code 6 if the muscle has `changed`; or, with a number such as 0.03, if "
-                "the output of the model differs by more than this fraction."
+                "Exit with code 6 if the comparison with the last model says `changed`; or, with a "
+                "number such as 0.03, if the output differs by more than this fraction."
             ),
         ),
     ] = None,
@@ -81,7 +81,7 @@ def compare(
     The first model is compared with each of the others, which must be in the order of time. Two
     campaigns are compared run by run. Models with different settings are refused, because the
     settings could be the cause of a difference. If both models were built from the same recordings,
-    the settings are the cause of the difference.
+    a difference comes from the settings, and not from the muscle.
     """
     from mapmore_cli.cli.compared import of_campaigns
     from mapmore_cli.pipeline.archive import compared, find_campaign, find_model
@@ -195,7 +195,7 @@ def freeze(
         Option(
             "--tag",
             metavar="TAG",
-            help="Name for this state of the campaign, for example 2026-spring.",
+            help="Name for this state of the run or campaign, for example 2026-spring.",
         ),
     ],
     archive: Archive = ARCHIVE,

@@ -131,7 +131,10 @@ def figure(
     ] = None,
     models: Annotated[
         str | None,
-        Option(metavar="A,B", help="Competitors to draw, for example sarosi,plane. Default: all."),
+        Option(
+            metavar="A,B",
+            help="Competitors to draw, for example sarosi,plane. Default: those on the page.",
+        ),
     ] = None,
     data: Annotated[
         Path | None,

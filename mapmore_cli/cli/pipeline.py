@@ -146,9 +146,9 @@ Figures = Annotated[
         "--figures",
         metavar="NAMES",
         help=(
-            "Draw only these figures, for example fit,error. `all` draws every figure for "
-            "print, also as SVG files; `none` draws none. Default: those of "
-            "`report.figures`, on the page only."
+            "Draw only these figures, for example fit,error, or `all`: as for print, and also as "
+            "SVG files. `none` draws none. Default: `report.figures`, in the formats of "
+            "`report.formats`."
         ),
     ),
 ]

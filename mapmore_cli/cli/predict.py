@@ -187,10 +187,11 @@ def invert(
     rule: Annotated[
         str,
         Option(
+            metavar="RULE",
             help=(
-                "Which of several solutions to write: the lowest, or the one that is nearest to "
-                "the solution of the row before."
-            )
+                "Which of several solutions to write: the `lowest`, or the one that is `nearest` "
+                "to the solution of the row before."
+            ),
         ),
     ] = "lowest",
     output: OutputOrStdout = STANDARD,

@@ -39,41 +39,46 @@ class Fit(Settings):
 
     - `scaling`: How inputs are scaled before they enter terms. `unit_square` moves the origin to a
       corner of the data. A product of two inputs then needs four terms; `max_abs` (division by the
-      largest magnitude) and `none` need only one. `range` maps states to [0, 1]. The default is
-      `unit_square` for pieces, `none` with memory, and `max_abs` for damping. Example: `none`
+      largest magnitude) and `none` need only one. `range`, only with memory, maps states to [0, 1].
+      The default is `unit_square` for pieces, `none` with memory, and `max_abs` for damping.
+      Example: `none`
     - `margin`: Only with memory: distance outside the training range at which states are clipped
       with `scaling: range`, as a fraction of the range. Example: `0.15`
     - `train_level`: The training level whose samples alone are used to fit the segments, as in M2,
       or `all`. Example: `highest`
-    - `max_terms`: Largest number of terms of each segment or, if there are no segments, of the
-      whole model. A model without segments has up to 12 terms by default, of which `stop: bic`
-      keeps as many as the data support. More terms fit the training data better, but overfit
-      sooner. Example: `2`
+    - `max_terms`: Largest number of terms of each segment (a curve that is not cut is one segment).
+      With memory, or if one function is fitted to all curves together, it is the number of terms of
+      the whole model; the default is then 12, and unless `tolerance` is given, `stop: bic` keeps as
+      many terms as the data support. More terms fit the training data better, but overfit sooner.
+      Example: `2`
     - `tolerance`: Stop when the unexplained fraction of the target's sum of squares is not larger
       than this. If the dictionary has a constant, the mean of the target is subtracted first. The
       key has no effect with any other `stop` rule. Example: `0.01`
-    - `stop`: Rule by which a fit may keep fewer terms than `max_terms`. `free_run` chooses the
-      number by simulation of the last quarter of each training recording. Example: `bic`
+    - `stop`: Rule by which a fit may keep fewer terms than `max_terms`. `free_run`, only with
+      memory, chooses the number by simulation of the last quarter of each training recording.
+      Example: `bic`
     - `criterion`: Which error the coefficients make small in a model with lags of the output: the
-      error one step ahead (`one_step`), or the error of a simulation (`free_run`). Example:
-      `free_run`
+      error one step ahead (`one_step`), or the error of a simulation (`free_run`). In any other
+      model, `free_run` is refused. Example: `free_run`
     - `ridge`: Only with memory: regularisation as a fraction of a candidate's variance, or `auto`
       to choose it. More terms than wanted are then selected (see `forward`), and the least
       important ones are removed until `max_terms` remain. Example: `auto`
-    - `forward`: Number of terms that are selected before some are removed, if `ridge` is set; three
+    - `forward`: Number of terms that are selected before some are removed, only with `ridge`; three
       times `max_terms` by default. Example: `30`
     - `loss`: Loss function for residuals. `huber` limits the influence of large residuals.
       `bisquare` ignores residuals larger than 4.685 times `scale`. Outliers are listed, and remain
-      in the data. Example: `huber`
-    - `scale`: Size of an ordinary residual. `auto` takes 1.4826 times the median absolute residual.
-      Example: `auto`
+      in the data. Only `squares` is possible with `shape`, with `sign` or `bounds` in the
+      dictionary, and with memory if `ridge` or `free_run` is set. Example: `huber`
+    - `scale`: Size of an ordinary residual, for `huber` and `bisquare`. `auto` takes 1.4826 times
+      the median absolute residual. Example: `auto`
     - `weight`: With `curve`, all pooled curves (or all recordings of one curve) have the same total
-      weight, however many samples they have. Example: `curve`
+      weight, however many samples they have. Only `sample` is possible with memory, and with
+      `shape`, `sign` or `bounds`. Example: `curve`
     - `shape`: Known shape of the output along its inputs. With memory, it is the shape of the
-      output at rest. The coefficients are fitted so that the output has this shape; the choice of
-      terms does not consider it. No shape is required at inputs for which the training output is
-      close to its minimum (see `slack`). Example: `{pressure: increasing, strain: [decreasing,
-      convex]}`
+      output at rest, and only `increasing` and `decreasing` are possible. The coefficients are
+      fitted so that the output has this shape; the choice of terms does not consider it. No shape
+      is required at inputs for which the training output is close to its minimum (see `slack`).
+      Example: `{pressure: increasing, strain: [decreasing, convex]}`
     - `slack`: Fraction of the range of the training output. No shape is required if the training
       output is above its minimum by less than this. Example: `0.05`
     - `beyond`: Distance outside the training range up to which the shape must hold, as a fraction

@@ -47,7 +47,8 @@ class Muscle(Settings):
     take the length and the diameter of the muscle from this section.
 
     - `name`: Name of the muscle on pages. Example: `DMSP-20-88N`
-    - `kind`: Kind of muscle. Example: `mckibben`
+    - `kind`: Kind of muscle. For `mckibben` and `peano`, mapmore checks whether the force of the
+      model rises with the pressure and falls with the strain. Example: `mckibben`
     - `length`: Active length at rest. Example: `88 mm`
     - `diameter`: Inner diameter at rest. Example: `20 mm`
     """
@@ -188,15 +189,17 @@ class ExperimentSpec(Section):
             model.setdefault("type", "sum")
         elif model is None and (adds or dictionary is None):
             value["model"] = {"type": "sum" if adds else "auto"}
-        if isinstance(fit, dict) and _given_memory(dictionary, info):
+        if not isinstance(fit, dict):
+            return value
+        memory = _given_memory(dictionary, info)
+        if memory:
             # states are not scaled, so that numbers of samples and widths stay in physical units
             fit.setdefault("scaling", "none")
-            _sized_by_data(fit)
-        elif isinstance(fit, dict) and dictionary and _pooled(value):
-            _sized_by_data(fit)
-        elif isinstance(fit, dict) and target == "damping":
+        elif dictionary and target == "damping":
             # products of powers remain products only if the origin is not shifted
             fit.setdefault("scaling", "max_abs")
+        if memory or (dictionary and _pooled(value)):
+            _sized_by_data(fit)
         return value
 
     @property

@@ -232,6 +232,12 @@ def test_the_strain_is_an_input_instead_of_the_length_that_it_was_computed_from(
         situation_of(dataset)
 
 
+def test_what_was_computed_from_the_target_is_no_input():
+    u = np.sin(0.1 * np.arange(100))
+    columns = {"u": u, "hysteresis": u**2, "static_force": u**3, "damping": u**4}
+    assert situation_of(dataset_of(columns, output="damping")).inputs == ("u",)
+
+
 def test_a_level_alone_is_no_input():
     u = np.repeat([1.0, 2.0], 50)
     levels = replace(dataset_of({"u": u[:50], "y": u[:50]}, {"u": u[50:], "y": u[50:]}), level="u")

@@ -189,6 +189,18 @@ def test_the_damping_example(tmp_path):
     assert names == ["strain_rate", "pressure_rate", "direction"]
 
 
+def test_a_damping_study_without_segments_is_scaled_as_with_segments(tmp_path):
+    cut = "direction: {of: pressure_rate, dead_band: 5 kPa/s},\n    "
+    pooled = DAMPING[: DAMPING.index("fit:")].replace(cut, "")
+    fit = load_text(tmp_path, pooled).spec.fit
+    assert (fit.scaling, fit.max_terms) == ("max_abs", 12)
+
+
+def test_the_structure_of_a_damping_model_can_be_searched(tmp_path):
+    text = DAMPING[: DAMPING.index("segment:")]
+    assert load_text(tmp_path, text).spec.model.type == "auto"
+
+
 def test_numbers_of_motion_carry_units(tmp_path):
     text = (
         DAMPING.replace("5 kPa/s", "0.05 bar/s")

@@ -46,7 +46,16 @@ Configs = Annotated[
     list[Path], Argument(metavar="CONFIG...", help="Experiment specs or campaigns (YAML).")
 ]
 PROCESSORS = os.cpu_count() or 1
-Jobs = Annotated[int, Option("--jobs", "-j", metavar="N", min=1, help="Runs at a time.")]
+Jobs = Annotated[
+    int,
+    Option(
+        *("--jobs", "-j"),
+        metavar="N",
+        min=1,
+        show_default="number of processors",
+        help="Runs at a time.",
+    ),
+]
 Cluster = Annotated[
     str | None,
     Option(

@@ -46,12 +46,18 @@ def init(
         str | None,
         Option(
             metavar="LIST",
-            help='What the columns are, for example "time:ms,_,pressure:bar,force:N".',
+            help=(
+                "What the columns are, in their order (`_` leaves one out), for example "
+                '"time:ms,_,pressure:bar,force:N".'
+            ),
         ),
     ] = None,
     target: Annotated[
         str | None,
-        Option(metavar="LIST", help="The column to predict. Separate several with commas."),
+        Option(
+            metavar="LIST",
+            help="The column to predict. Several, with commas between, become one study each.",
+        ),
     ] = None,
     inputs: Annotated[
         str | None,
@@ -70,7 +76,9 @@ def init(
     validate: Annotated[
         str | None,
         Option(
-            metavar="NAME", help="What is held out for validation: an input, recordings, or last."
+            metavar="NAME",
+            help="What is held out for validation: an input (its inner values), `recordings`, or "
+            "`last` (the end of each recording).",
         ),
     ] = None,
     recordings: Annotated[
@@ -105,7 +113,9 @@ def init(
     yes: Annotated[
         bool,
         Option(
-            "--yes", "-y", help="Ask no questions; mark uncertain entries of the spec with CHECK."
+            "--yes",
+            "-y",
+            help="Ask no questions (as with -q); mark uncertain entries of the spec with CHECK.",
         ),
     ] = False,
     force: Annotated[bool, Option("--force", help="Replace specs that exist.")] = False,

@@ -33,7 +33,7 @@ def export(
     grid: Annotated[
         str | None,
         typer.Option(
-            metavar="AXES", help="Points of the table: pressure=0:600:25,strain=0:0.25:0.01."
+            metavar="AXES", help="Points of `table` or `csv`: pressure=0:600:25,strain=0:0.25:0.01."
         ),
     ] = None,
     no_verify: Annotated[
@@ -56,14 +56,15 @@ def export(
     these two are not compared with `predict`. `csv` is one lookup table, and `tex` holds the
     equations.
 
-    With `--pressure`, a model of the force and one of the pressure become one actuator, in C or as
-    an FMU. Its input is then the command of the valve.
+    With `--pressure`, a model of the force and one of the pressure become one actuator, with `--to
+    c` or `--to fmu`. Its input is then the command of the valve.
 
     For a model with several outputs, C and equations contain all of them; other forms are written
     for each output.
 
     C, FMUs, modules and functions are compared with `predict` on 100 points before they are
-    written. At the end, lines that call the exported code are printed.
+    written. If the compiler or the interpreter is missing, a warning says so. At the end, lines
+    that call the exported code are printed.
     """
     from mapmore_cli.annexes.exporting.exports import (
         EXPORTERS,

@@ -32,8 +32,9 @@ QUARTER = 0.25  # longest time constant that is searched, as a fraction of the l
 class Bounds(Settings):
     """Ranges in which the particles of `solver: swarm` begin.
 
-    By default, these ranges contain every stable section, for which P1 is in -1..1, P2 in -2..2,
-    and `|1 - P1 - P2| < 4`.
+    In the equation of a section, P1 and P2 are the factors of the output two samples and one sample
+    before, and P3 is the factor of the input. By default, these ranges contain every stable
+    section, for which P1 is in -1..1, P2 in -2..2, and `|1 - P1 - P2| < 4`.
 
     - `p1`: Range of P1. Example: `[-1, 1]`
     - `p2`: Range of P2. Example: `[-2, 2]`
@@ -70,19 +71,23 @@ class MotionSettings(Settings):
       joins the sections so that the steady output does not jump, and changes direction after
       `dead_band`. Example: `bumpless`
     - `start`: Start of a run: at rest under the first input, or at zero. Example: `zero`
-    - `mask`: The quantity whose direction divides the training samples into rise and fall. Example:
-      `displacement`
-    - `dead_band`: How far the input must turn back before its direction changes. Example: `0.05`
+    - `mask`: With `direction: true`, the quantity whose direction divides the training samples into
+      rise and fall. Example: `displacement`
+    - `dead_band`: How far the input must turn back before its direction changes. It needs
+      `direction: true` and `switching: bumpless`. Example: `0.05`
     - `offset`: If true, every section has its own constant. Example: `true`
-    - `load`: The quantity on which P3 and the constant depend. Example: `load`
+    - `load`: A quantity on which the constant of a section and its factor of the input (P3) depend.
+      Example: `load`
     - `solver`: How sections are fitted: by `least_squares`, or by the particle swarm of the paper
-      (`swarm`). Example: `swarm`
+      (`swarm`). The swarm cannot find an `offset`, a `load` or `bumpless` switching. Example:
+      `swarm`
     - `slowest`: Longest time constant of a section. By default, it is a quarter of the longest
       piece of training data, because this piece does not show whether a slower change is a time
       constant or a drift. Example: `5 s`
-    - `begin`: Ranges in which the particles of the swarm begin; by default, all stable sections.
-      Example: `{p1: [-1, 1]}`
-    - `seed`: Seed of the swarm's random numbers; every section has its own numbers. Example: `2`
+    - `begin`: Ranges in which the particles of `solver: swarm` begin; by default, all stable
+      sections. Example: `{p1: [-1, 1]}`
+    - `seed`: Seed of the random numbers of `solver: swarm`; every section has its own numbers.
+      Example: `2`
     """
 
     input: str | None = None

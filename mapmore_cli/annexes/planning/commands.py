@@ -58,7 +58,9 @@ def tune(
     budget: Annotated[
         str | None,
         Option(
-            "--budget", metavar="TIME", help="Time for a search (without --over), for example 60s."
+            "--budget",
+            metavar="TIME",
+            help="Computing time of each process of a search (without --over), for example 60s.",
         ),
     ] = None,
     output: Outputs = NONE,
@@ -107,7 +109,7 @@ def plan(
             metavar="N",
             min=1,
             max=100,
-            help="Choose N points of the map instead of a level.",
+            help="Choose N points of the map, also if there are levels. Default without levels: 5.",
         ),
     ] = None,
     until: Annotated[
@@ -116,7 +118,8 @@ def plan(
             "--until",
             metavar="SIZE",
             help=(
-                "Also estimate how many more measurements reach this half width, for example 2%."
+                "For points: also estimate how many more of them make the interval as narrow as "
+                "this half width, for example 2%."
             ),
         ),
     ] = None,
@@ -125,7 +128,7 @@ def plan(
         Option(
             "--cost",
             metavar="NAME=PRICE,...",
-            help="Cost of a change of each quantity, for example pressure=1,strain=20.",
+            help="For points: cost of a change of each quantity, for example pressure=1,strain=20.",
         ),
     ] = None,
     output: Outputs = NONE,

@@ -18,9 +18,9 @@ from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.modelling.signals.sampling import correlation
 
-NOT_INPUTS = ("time", "hysteresis")
-"""Quantities that are no inputs: the clock, and the quantity that `cycles` computes from the
-target.
+NOT_INPUTS = ("time", "hysteresis", "static_force")
+"""Quantities that are no inputs: the clock, and the quantities that `cycles` and the target
+`damping` compute from the target.
 """
 
 SAME = 1e-9

@@ -45,16 +45,17 @@ class Cuts(Settings):
     - `breakpoints` makes segments between the boundaries in `at`. Neighbouring segments are joined
       as with `even`.
     - `gradient` puts boundaries where the slope of the target changes most. Neighbouring boundaries
-      are at least a tenth of the range of the curve apart.
+      are at least a tenth of the range of the curve apart, so that there may be fewer segments than
+      `count`.
     - `optimal` tries boundaries on a grid of 20 equal cells, and chooses the boundaries with which
       the fits have the smallest error.
 
     - `method`: One of the words above. Example: `even`
-    - `count`: Number of segments (not for `breakpoints`). More segments follow the curve more
-      closely, but overfit sooner. Example: `4`
-    - `at`: Inner boundaries for `breakpoints`. Example: `[0.05, 0.1]`
-    - `min_samples`: Smallest number of samples in a segment (10 by default for `optimal`). Example:
-      `20`
+    - `count`: Number of segments. All methods need it, except `breakpoints`, which refuses it. More
+      segments follow the curve more closely, but overfit sooner. Example: `4`
+    - `at`: Inner boundaries, for `breakpoints` only. Example: `[0.05, 0.1]`
+    - `min_samples`: Smallest number of samples in a segment; 10 by default for `optimal`, and
+      refused for `gradient`. Example: `20`
     """
 
     method: Literal["even", "breakpoints", "gradient", "optimal"]
@@ -143,7 +144,8 @@ class BelowAbove(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Fuse(Joining):
-    """Rules for joining pieces (M2 eq 9-12).
+    """Rules for joining pieces (M2 eq 9-12). A model with memory has no pieces, so that it refuses
+    the keys of this section.
 
     - `extrapolation`: What the model does outside the range of each curve (M2 eq 12): one word for
       all variables, or a mapping from each variable to a word or to `{below, above}`. The default

@@ -67,12 +67,14 @@ class Direction(Section):
 
 
 class Cycles(Section):
-    """Load cycles, which are split into rising and falling branches. Each rising branch is averaged
-    with the falling branch beside it.
+    """Load cycles, which are split into rising and falling branches. At each level of a recording,
+    all rising branches together give one curve, and so do all falling branches. The samples of the
+    study are the mean of these two curves. Half of their difference, falling minus rising, is the
+    target `hysteresis`.
 
     - `over`: The quantity that rises and falls in a cycle. Example: `strain`
-    - `samples`: Number of common values of this quantity at which both branches are interpolated
-      before they are averaged. Example: `200`
+    - `samples`: Number of evenly spaced values of this quantity at which both curves are
+      interpolated before they are averaged. Example: `200`
     """
 
     over: str
@@ -85,7 +87,8 @@ class Levels(Section):
     - `of`: The level quantity. Example: `pressure`
     - `at`: Its nominal values, or `auto` to find them in the data. Example: `[100 kPa, 2 bar]`
     - `within`: Largest distance of a sample from its level; samples farther away belong to no
-      level. Half the smallest distance between two levels by default. Example: `10 kPa`
+      level. Half the smallest distance between two levels by default; a single level has all
+      samples. Example: `10 kPa`
     - `value`: Which value of the level quantity a sample has: the one that was `measured`, or the
       `nominal` value of its level. Choose `nominal` if the sensor is noisier than the test rig.
       Example: `nominal`
@@ -199,10 +202,11 @@ class Data(Logs):
     - `gaps`: What to do if samples are missing for some time. Example: `{longer_than: 0.5 s,
       action: split}`
     - `resample`: Bring all recordings to this constant time between samples. A step with several
-      samples gets their mean, and a step without samples is interpolated linearly. Models with
-      memory need it if the measured time steps are not equal. Example: `10 ms`
-    - `cycles`: Split load cycles into rising and falling branches, and average them. Example:
-      `{over: strain}`
+      samples gets their mean, and a step without samples is interpolated linearly. Models whose
+      terms use time steps, such as `lags` and `slow`, need it if the measured time steps are not
+      equal. Example: `10 ms`
+    - `cycles`: Split load cycles into rising and falling branches, and average them. The samples
+      then have no time. Example: `{over: strain}`
     - `levels`: The quantity that is constant within one curve, and its values. Example: `{of:
       pressure, at: auto}`
     - `groups`: The quantity that distinguishes specimens or sessions. Example: `{of: specimen,

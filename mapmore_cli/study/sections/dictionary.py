@@ -286,7 +286,8 @@ class Families(Section):
     - `steps`: Smooth steps along the training range. Example: `{of: voltage, count: 21, widths:
       [0.1]}`
     - `sign`: Sign that the coefficients of the terms of this entry must have. The inputs are scaled
-      as `fit.scaling` says. Example: `negative`
+      as `fit.scaling` says. `sign` and `bounds` are not possible with memory, nor for `spline`,
+      `ends` and `steps`. Example: `negative`
     - `bounds`: Smallest and largest value of the coefficients of the terms of this entry, in the
       unit of the target. Example: `[0, 5 N]`
     """

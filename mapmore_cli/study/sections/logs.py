@@ -154,9 +154,10 @@ class SourceColumn(Section):
       character as their decimal separator, the decimal separator of this column is the other one of
       point and comma. Example: `"."`
     - `texts`: Whether the cells are texts, such as `T01`. Every text then gets a number, counted
-      from 1 in the order of the texts. With `down`, an empty cell has the text of the cell above
-      it, as in a workbook that names a specimen only in the first of its rows. For `recordings` and
-      `groups` only. Example: `true`
+      from 1 in the order in which the texts first occur. With `down`, an empty cell has the text of
+      the cell above it, as in a workbook that names a specimen only in the first of its rows. Use
+      the quantity only in `recordings` and `groups`, because its numbers have no meaning as an
+      input of a model. Example: `true`
     - `columns`: For `time` only: the columns of a clock that is spread over several columns. Their
       values are added. Example: `[date, hour, min]`
     - `format`: For `time` only: the format of the time stamps, in the codes of Python's `strptime`.
@@ -272,7 +273,8 @@ class Logs(Section):
 
     - `files`: Paths of the files, relative to the folder of the spec, with wildcards. Example:
       `["cycle_*.csv"]`
-    - `reader`: Format of the files. Example: `xlsx`
+    - `reader`: Format of the files. A reader refuses the keys that it cannot use, for example
+      `xlsx` refuses `delimiter`. Example: `xlsx`
     - `header`: Number of header lines, of which the first holds the names of the columns. `true`
       means 1; `false` means that there is none. Example: `2`
     - `skip_rows`: Number of lines above the header that are skipped. Example: `5`
@@ -419,13 +421,13 @@ class Join(Logs):
 
     - `on`: How the logs are joined. `time` interpolates the second log linearly, after `shift` was
       added to its time. `row` pairs the rows by their number. Example: `row`
-    - `shift`: Time that is added to the clock of the second log. `auto` estimates it from the
-      cross-correlation of the two quantities in `match`, and stops with an error if the estimate is
-      uncertain. Example: `120 ms`
+    - `shift`: Time that is added to the clock of the second log, for `on: time` only. `auto`
+      estimates it from the cross-correlation of the two quantities in `match`, and stops with an
+      error if the estimate is uncertain. Example: `120 ms`
     - `match`: The two quantities from which `shift: auto` estimates the shift. Example: `{first:
       pressure, second: valve}`
-    - `max_gap`: Longest gap of the second log that is interpolated. Samples within a longer gap
-      count as missing. Example: `0.1 s`
+    - `max_gap`: Longest gap of the second log that is interpolated, for `on: time` only. Samples
+      within a longer gap count as missing. Example: `0.1 s`
     """
 
     on: Literal["time", "row"] = "time"

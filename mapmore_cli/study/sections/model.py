@@ -182,16 +182,21 @@ else:  # the types of mapmore itself, and the kinds of models that plugins add
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSettings(Settings):
-    """The kind of model that the run builds. The key `type` is one of these words:
+    """The kind of model that the run builds. Each type has keys of its own, and refuses those of
+    other types: `backbone` belongs to `mapmore`, `name` and `family` to `literature`, `budget`,
+    `prefer` and `inputs` to `auto`, `sum` to `sum`, and all others to `state_space`. The key `type`
+    is one of these words:
 
     - `mapmore` fits a function to each segment. The function consists of terms of the dictionary,
       and may be added to a formula (the backbone).
     - `literature` fits the formula `name` alone, or a `family`.
     - `auto` searches a structure for the model on the training data. `auto` is the default if the
-      spec has neither `dictionary` nor `model`. The run folder holds the result as a spec,
+      spec has neither `dictionary` nor `model`, and refuses the sections `segment`, `dictionary`
+      and `fit`, because the search chooses them. The run folder holds the result as a spec,
       `found.yaml`.
     - `sum` adds the static and the damping model of the runs in `needs`, or other parts with signs
-      and renamed inputs. `sum` is the default for the target `dynamic`.
+      and renamed inputs. `sum` is the default if the key `sum` is given, and for the target
+      `dynamic` without a dictionary.
     - `state_space` fits a state-space model of motion with linear sections along an input (Brown
       and Xie 2024).
 
@@ -205,8 +210,9 @@ class ModelSettings(Settings):
     - `inputs`: Inputs that a search may use; by default all quantities that vary. Example:
       `[pressure, strain]`
     - `backbone`: A formula of the literature; the segment functions explain only what remains after
-      it. `auto` chooses the formula (or none) with the smallest error on training data that were
-      left out; with three levels or fewer it takes `sarosi_hinged`. Example: `sarosi`
+      it. `auto` compares all formulas, and no formula, on training data that were left out; of
+      those within 2 % of the smallest error, it takes the one with the fewest parameters. With
+      three levels or fewer, it takes `sarosi_hinged`. Example: `sarosi`
     - `name`: The formula of `type: literature`. Example: `sarosi`
     - `sum`: The parts of a sum. Example: `[{model: flexor.yaml}, {model: extensor.yaml, sign: -1}]`
     - `family`: One formula for several specimens that differ in a quantity, for example in their

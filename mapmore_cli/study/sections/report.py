@@ -46,8 +46,8 @@ class Report(Section):
     - `units`: Further units in which the equations are printed, by quantity, for example those of a
       publication. Example: `{pressure: bar}`
     - `over`: Axis of the figure of the fit. With `time`, recordings are drawn over time for every
-      model. By default, only models with memory are drawn over time, and all others over an input.
-      Example: `time`
+      model. By default, models with memory, models of motion and step responses (`data.plateau`)
+      are drawn over time, and everything else over an input. Example: `time`
     - `explore`: If false, the page does not compute the model in the browser, and is smaller
       because the scripts are left out. Example: `false`
     """

@@ -190,11 +190,12 @@ class Validate(Section):
     - `against`: Competitors, which are fitted to the same data. Example: `[sarosi, {run:
       other.yaml}]`
     - `simple`: If true, also compare with simple models that need no knowledge of muscles: `plane`,
-      `quadratic` and `cubic` in the model's inputs, the `backbone` alone, and `arx` in free run.
-      Example: `false`
+      `quadratic` and `cubic` in the model's inputs, the `backbone` alone, and, if the model runs
+      over time, `arx` in free run. Example: `false`
     - `normaliser`: What errors are divided by: `max` is the largest absolute value of the measured
       target (Veale et al. 2018, equation 13), `range` is the difference between its largest and
-      smallest value. Example: `range`
+      smallest value. Both are taken from the held-out data or, if nothing is held out, from the
+      training data. Example: `range`
     - `intervals`: If true, fit the model again without each part of the training data. `predict
       --interval` needs these fits. Example: `true`
     - `require`: Limits of metrics. If the run misses one, it ends with exit code 6. With several

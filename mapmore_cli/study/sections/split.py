@@ -48,13 +48,14 @@ class Holdout(Section):
 
     - `files`: Hold out the files with these names (with wildcards). Example: `["*_take2.csv"]`
     - `recordings`: Hold out the recordings with these ids (with wildcards). Example: `["log#2"]`
-    - `last`: Hold out this share of every recording, at its end. Example: `0.3`
+    - `last`: Hold out this share of every recording, at its end. Pieces between gaps count as one
+      recording. Example: `0.3`
     - `last_cycles`: Hold out this share of the cycles of every recording, at its end. It needs
       `of`. Example: `0.5`
     - `of`: The quantity whose rises and falls are the cycles of `last_cycles`. Example: `pressure`
     - `fraction`: Hold out this share of all samples, chosen at random. Neighbouring samples are
       alike, so that this flatters the model; prefer whole recordings or levels. Example: `0.2`
-    - `seed`: Seed of the random choice by `fraction`. Example: `1`
+    - `seed`: Seed of the random choice by `fraction`; 0 by default. Example: `1`
     """
 
     model_config = ConfigDict(extra="allow")
