@@ -172,7 +172,9 @@ def shared_path(path: str) -> str:
 
 def hints_of_members(hint: Hint, count: int) -> Sequence[Any]:
     """Return the type hint of each member of a tuple that has `count` members."""
-    return [hint.inner[0]] * count if hint.inner[1:] == (...,) else hint.inner
+    each = [hint.inner[0]] * count
+    # a damaged record can have more or fewer members than its type
+    return each if hint.inner[1:] == (...,) else [*hint.inner, *each][:count]
 
 
 # Writing ----------------------------------------------------------------------------------------
