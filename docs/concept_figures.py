@@ -144,7 +144,8 @@ def draw_band(numbers: dict[str, list[str]]) -> Figure:
 
 def draw_candidates(numbers: dict[str, list[str]]) -> Figure:
     """Draw error over number of parameters; the chosen candidate is filled."""
-    parameters, errors, _, chosen = columns({k: numbers[k] for k in list(numbers)[1:]})
+    names = ("parameters", "error", "chosen")
+    parameters, errors, chosen = columns({name: numbers[name] for name in names})
     figure = Figure(figsize=(6.4, 3.3), layout="constrained")
     axes = figure.add_subplot()
     axes.semilogy(parameters, errors, "o", color=OURS, markerfacecolor="white")
@@ -208,12 +209,16 @@ def table_of_terms() -> Table:
 def table_of_candidates() -> Table:
     """Return the candidates of the search, the best first."""
     rows = zip(*read_numbers("search-candidates").values(), strict=True)
+    headings = (
+        *("structure", "parameters", "left-out error [%]", "levels left out [%]"),
+        *("above the best [%]", "held-out error [%]", "taken"),
+    )
     return table(
         "Structures that were tried",
-        ("structure", "parameters", "left-out error [%]", "held-out error [%]", "taken"),
+        headings,
         [
-            (name, count, _short(error), _short(held_out), "yes" if float(chosen) else "")
-            for name, count, error, held_out, chosen in rows
+            (name, count, *map(_short, errors), "yes" if float(chosen) else "")
+            for name, count, *errors, chosen in rows
         ],
     )
 

@@ -125,7 +125,8 @@ def band(folder: Path) -> Numbers:
 
 
 def candidates(folder: Path) -> Numbers:
-    """Search the example; return parameters and errors in per cent of each candidate.
+    """Search the example; return the parameters of each candidate, its errors in per cent, and how
+    far it is above the best.
 
     The held-out error is known for the chosen candidate and for those that are competitors too.
     """
@@ -144,10 +145,10 @@ def candidates(folder: Path) -> Numbers:
         model = "m2_settings" if row["family"] == "papers" else row["words"].split()[-1]
         error = held_out.get("mapmore" if chosen else model, np.nan)
         if row["family"] != "black box":
-            rows.append(
-                (row["words"], row["parameters"], 100 * row["error"], 100 * error, float(chosen))
-            )
-    return named("name parameters error held_out chosen", sorted(rows, key=lambda row: row[2]))
+            errors = (100 * row["error"], 100 * row["parts"], 100 * row["excess"], 100 * error)
+            rows.append((row["words"], row["parameters"], *errors, float(chosen)))
+    names = "name parameters error levels above held_out chosen"
+    return named(names, sorted(rows, key=lambda row: row[4]))
 
 
 def held_out_curve(folder: Path) -> Numbers:
