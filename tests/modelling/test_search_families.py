@@ -499,6 +499,34 @@ def test_folds_at_an_end_have_the_weight_of_the_ends_that_are_held_out(levels, h
     assert choose_structure(outcomes, bench, MOST_PARAMETERS).found.words == words
 
 
+@pytest.mark.parametrize(
+    ("levels", "held", "inside", "found"),
+    [
+        (6, [1, 2, 3], 0.03, "formula"),
+        (6, [1, 2, 3], 0.011, "direction"),  # not clearly worse inside
+        (7, [6, 7], 0.03, "direction"),  # two folds leave an end out
+    ],
+)
+def test_what_is_worse_inside_than_a_formula_is_refused_if_one_fold_at_an_end_decides(
+    levels, held, inside, found
+):
+    bench = leveled(*range(1, levels + 1), held=held)
+    decide = bench.weights > 0
+    outcomes = [
+        (
+            Tried(kind, kind, {}, parameters=8),
+            [
+                np.full(int(fold.sum()), end if at_end else between)
+                for fold, at_end in zip(bench.folds, decide, strict=True)
+            ],
+        )
+        for kind, between, end in (("formula", 0.01, 0.12), ("direction", inside, 0.1))
+    ]
+    chosen = choose_structure(outcomes, bench, MOST_PARAMETERS)
+    assert chosen.found.words == found
+    assert bool(chosen.tried[1].failure) == (found == "formula")
+
+
 def test_ends_of_all_curves_are_left_out_where_the_study_holds_out_the_end_of_one():
     """The end of a short curve lies within the range of a longer one."""
     u, x = np.ones(100), np.linspace(0, 1, 100)
