@@ -29,10 +29,19 @@ BY_MEDIAN = (
 PLAIN = ("simple", "formula")
 """Kinds that are preferred if they are as good as any other."""
 
+WORSE_INSIDE = (
+    "its error inside the range is more than 20 % above that of the best polynomial or formula, so "
+    "that the single fold at an end says little about it"
+)
+
 
 def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> Search:
     """Score all structures and black boxes on the rows that all of them predict, and choose one
     structure; none with more than `most` parameters.
+
+    If a single fold decides, it has no standard error, and a structure may be better there by
+    chance. Then a structure is refused if its mean logarithm of the error on the stretches exceeds
+    that of the best plain structure by more than the upper limit of `WITHIN`.
     """
     tried = [one for one, _ in outcomes]
     usable = [number for number, one in enumerate(tried) if not one.failure]
@@ -48,11 +57,18 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
     target, over_time, decide = bench.dataset.target, bench.situation.timed, bench.weights > 0
     scale = float(np.ptp(pooled_training(bench.dataset.curves)[target])) or 1.0
     errors = on_common_rows([outcomes[number][1] for number in usable]) / scale
+    plain = eligible & np.isin(kinds, PLAIN)
+    refused = np.zeros_like(plain)
+    if plain.any() and bench.blocks and decide.sum() == 1:
+        inside = simplest_of(sizes, errors[:, : bench.blocks], eligible=plain).excess
+        refused = eligible & (inside > WITHIN[1])
+    eligible &= ~refused
     rank = simplest_of(sizes, errors[:, decide], bench.weights[decide], eligible, over_time)
     front = undominated(sizes, np.where(eligible, rank.excess, np.inf))
-    as_good = front & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
-    simple = np.flatnonzero(as_good & np.isin(kinds, PLAIN))
-    chosen = min(simple, key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen)
+    as_good = plain & front & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
+    chosen = min(
+        np.flatnonzero(as_good), key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen
+    )
     for place, number in enumerate(usable):
         blocks, parts = np.split(errors[place], [bench.blocks])
         tried[number] = replace(
@@ -62,6 +78,7 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
             parts=root_mean_square(parts) if parts.size else np.nan,
             excess=float(rank.excess[place]),
             spread=float(rank.spread[place]),
+            failure=WORSE_INSIDE if refused[place] else "",
         )
     return Search(
         "search",
