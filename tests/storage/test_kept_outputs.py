@@ -25,9 +25,9 @@ def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
     write_chosen(place, {"a.c": b"2", "b.csv": b"1"})
     (place / "d.c").write_bytes(b"/* mine, beside the code of mapmore */")
     (place / "b.csv").write_bytes(b"1, edited")
-    with pytest.raises(WriteError, match=r"d\.c: exists, and mapmore has not written it"):
+    with pytest.raises(WriteError, match=r"d\.c: the file exists, and it was not written by mapmore"):
         write_chosen(place, {"a.c": b"3", "d.c": b"3"})
-    with pytest.raises(WriteError, match=r"b\.csv: exists, .* somebody has changed it since"):
+    with pytest.raises(WriteError, match=r"b\.csv: the file exists, .* was changed afterwards"):
         write_chosen(place, {"a.c": b"3", "b.csv": b"3"})
     (place / "e.c").symlink_to("d.c")
     with pytest.raises(WriteError, match=r"e\.c: is a link"):
