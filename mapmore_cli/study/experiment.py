@@ -211,8 +211,8 @@ class ExperimentSpec(Section):
 
     @property
     def target_quantity(self) -> str:
-        """Measured quantity from which the target is computed: the modelled column, or `force` if the
-        target is the force or a part of it.
+        """Measured quantity from which the target is computed: the modelled column, or `force` if
+        the target is the force or a part of it.
         """
         return self.target.column if isinstance(self.target, TargetColumn) else "force"
 

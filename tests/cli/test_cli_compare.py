@@ -203,7 +203,7 @@ def test_the_error_names_the_output(monkeypatch, fail_on, advice):
     monkeypatch.setattr("mapmore_cli.cli.compare._of_models", lambda *_: results)
     with pytest.raises(LimitMissed, match="new: the predicted torque is 1") as caught:
         compare(["old", "new"], fail_on=fail_on)
-    assert advice in caught.value.hint
+    assert advice in caught.value.remedy
 
 
 def test_outputs_are_compared_one_by_one_and_models_with_the_first(monkeypatch):

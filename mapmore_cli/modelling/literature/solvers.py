@@ -159,8 +159,8 @@ def _grids(problem: LeastSquares) -> list[Array]:
 def _onto_bounds_of(
     problem: LeastSquares, c: Array, bounds: tuple[Array, Array]
 ) -> tuple[Array, list[int]]:
-    """Move coordinates onto the bounds that they almost touch, as `onto_bounds` does, unless the sum
-    of squares is larger there. Return the coordinates and the indices of those at a bound.
+    """Move coordinates onto the bounds that they almost touch, as `onto_bounds` does, unless the
+    sum of squares is larger there. Return the coordinates and the indices of those at a bound.
 
     The sum of squares is compared because "almost" means a small fraction of the interval. In the
     interval from 0.001 to 10 000, the value 0.005 is almost at the lower bound, although it is five
