@@ -95,7 +95,7 @@ operators  o      ZeroDivisionError
 operators  wrong  no Operator
 operators  zz     there is already a `washout`
 formulas   f      ZeroDivisionError
-formulas   bent   `nonlinear` lacks a parameter in which the formula is not linear
+formulas   bent   to `nonlinear`, because the derivative
 readers    r      ZeroDivisionError
 readers    odd    Odd
 readers    stops  KeyboardInterrupt

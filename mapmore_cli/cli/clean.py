@@ -90,7 +90,8 @@ def _view(
     others are kept.
     """
     files = [str(folder / path) for folder, paths in gone.items() for path in paths]
-    count = f"{len(files)} files of {len(gone)} runs"
+    runs = f"{len(gone)} run{'s' if len(gone) != 1 else ''}"
+    count = f"{len(files)} file{'s' if len(files) != 1 else ''} of {runs}"
     done = f"{count} {'moved' if where else 'removed'}{where}"
     end = done if yes else f"{count} would be removed; add --yes"
     why = [

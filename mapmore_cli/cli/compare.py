@@ -127,8 +127,12 @@ def compare(
             raise LimitMissed(
                 f"{name}: the predicted {result.output} is {result.ratio:.4g} times that of "
                 f"{models[0]}, and `--fail-on {fail_on}` does not allow this change",
-                "look in the tables which curves changed; if the change is acceptable, give "
-                "--fail-on a larger number",
+                "look in the tables which curves changed; if the change is acceptable, "
+                + (
+                    "write the largest relative change that you accept, as in `--fail-on 0.03`"
+                    if limit is None
+                    else "give --fail-on a larger number"
+                ),
             )
 
 

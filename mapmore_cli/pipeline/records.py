@@ -287,12 +287,18 @@ def _axis_values(part: str, text: str) -> list[float]:
     if len(finite) == 1:
         return finite
     first, last, step = finite
-    steps = (last - first) / step if step else math.nan
-    if not 0 <= steps <= MOST_POINTS:
+    if step == 0:
+        raise UsageError(f"--grid: '{part}': the step must not be zero", EXAMPLE)
+    steps = (last - first) / step
+    if steps < 0:
         raise UsageError(
-            f"--grid: '{part}' does not go from {first:g} to {last:g} in at most "
-            f"{MOST_POINTS} steps",
-            EXAMPLE,
+            f"--grid: '{part}': a step of {step:g} never leads from {first:g} to {last:g}",
+            "change the sign of the step",
+        )
+    if steps > MOST_POINTS:
+        raise UsageError(
+            f"--grid: '{part}' has {steps:.9g} steps; at most {MOST_POINTS} are possible",
+            "use a larger step",
         )
     if abs(steps - round(steps)) > 1e-6:
         raise UsageError(

@@ -229,6 +229,7 @@ def drawn_figure(
     """
     from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
+    from mapmore_cli.reporting.order import FIGURES
     from mapmore_cli.reporting.report import data_csv
     from mapmore_cli.study.loader import load
 
@@ -260,7 +261,7 @@ def drawn_figure(
         if drawing is None:
             raise UsageError(
                 f"{run_dir}: its results contain nothing to draw as {name!r}",
-                "choose another figure",
+                f"choose one of {', '.join(one for one in FIGURES if drawings(one, inputs))}",
             )
         as_wide = any(look.startswith(f"{LOOKS}width=") for look in looks)
         figure = compose(drawing, inputs.style, panel, inputs.style.width if as_wide else None)

@@ -229,8 +229,8 @@ def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash:
 
 
 def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous: str) -> list[str]:
-    """Return the differences between the entry of a stage that is committed and the entry that the
-    stage would have now.
+    """Return the reasons why a stage must run again: the differences between its entry in
+    `run.json` (`known`) and the entry that it would get if it ran now.
     """
     if known is None:
         return ["first time"]

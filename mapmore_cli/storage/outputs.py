@@ -158,8 +158,8 @@ def refuse_foreign_file(path: Path) -> None:
         return
     if _hashes_in(path.parent).get(path.name) != hashes_of(path.parent, [path.name])[path.name]:
         raise WriteError(
-            f"{path}: exists, and mapmore has not written it, or somebody has changed it since, "
-            "so it is not replaced",
+            f"{path}: the file exists, and it was not written by mapmore or was changed "
+            "afterwards, so it is not replaced",
             "move it away, or choose another place with -o",
         )
 

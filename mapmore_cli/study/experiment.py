@@ -211,7 +211,9 @@ class ExperimentSpec(Section):
 
     @property
     def target_quantity(self) -> str:
-        """Measured quantity that is modelled, or of which a part is modelled."""
+        """Measured quantity from which the target is computed: the modelled column, or `force` if
+        the target is the force or a part of it.
+        """
         return self.target.column if isinstance(self.target, TargetColumn) else "force"
 
     @property

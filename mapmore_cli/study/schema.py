@@ -110,7 +110,8 @@ def json_schema() -> JsonSchemaValue:
         "required": schema.pop("required"),
         "properties": {"data": {"required": sections["Data"]["required"]}},
     }
-    # `extends` merges mappings, but not lists, so the keys of list items remain required
+    # A spec with `extends` may inherit the required keys of mappings. Lists are replaced as a
+    # whole, so only the keys within list items remain required.
     for name in {*_sections_within(schema, sections, ("items", "prefixItems", "$defs", "default"))}:
         sections[name].pop("required", None)
     return {

@@ -193,13 +193,17 @@ def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_pa
     )
 
 
-def test_the_error_names_the_output(monkeypatch):
+@pytest.mark.parametrize(
+    ("fail_on", "advice"), [("0.03", "a larger number"), ("changed", "--fail-on 0.03")]
+)
+def test_the_error_names_the_output(monkeypatch, fail_on, advice):
     monkeypatch.setattr("mapmore_cli.pipeline.archive.find_campaign", lambda *_: None)
     monkeypatch.setattr("mapmore_cli.pipeline.archive.find_model", lambda *_: Path("a"))
     results = {"new": CHANGED}, View({})
     monkeypatch.setattr("mapmore_cli.cli.compare._of_models", lambda *_: results)
-    with pytest.raises(LimitMissed, match="new: the predicted torque is 1"):
-        compare(["old", "new"], fail_on="0.03")
+    with pytest.raises(LimitMissed, match="new: the predicted torque is 1") as caught:
+        compare(["old", "new"], fail_on=fail_on)
+    assert advice in caught.value.remedy
 
 
 def test_outputs_are_compared_one_by_one_and_models_with_the_first(monkeypatch):

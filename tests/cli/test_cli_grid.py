@@ -61,9 +61,9 @@ pressure=0:1                       cannot read 'pressure=0:1'
 pressure=a:b:c                     cannot read
 pressure=0:inf:1                   cannot read
 pressure=nan                       cannot read
-pressure=0:1:0                     does not go from 0 to 1
-pressure=1:0:0.1                   does not go from 1 to 0
-pressure=0:1:1e-9                  at most 10000000 steps
+pressure=0:1:0                     the step must not be zero
+pressure=1:0:0.1                   a step of 0.1 never leads from 1 to 0
+pressure=0:1:1e-9                  has 1e+09 steps; at most 10000000 are
 pressure=0:1:1e-4,strain=0:1:1e-4  has 100020001 points; at most 10000000
 pressure=0:1:0.3,strain=0          not a whole number of steps
 pressure=0:1:0.333333,strain=0     not a whole number of steps

@@ -138,7 +138,7 @@ def test_a_default_name_replaces_no_file_of_the_user(line, copied, mapmore, monk
     monkeypatch.chdir(copied[0].parent)
     for path in (Path("fit.svg"), Path("fit.html")):
         path.write_text("mine")
-    mapmore(*line, "-q", code=7, says="mapmore has not written it")
+    mapmore(*line, "-q", code=7, says="not written by mapmore")
     assert Path("fit.svg").read_text() == Path("fit.html").read_text() == "mine"
 
 

@@ -41,6 +41,7 @@ LINES = """
 2  plan SPEC --runs RUNS -o plan.doc         cannot have this file ending
 2  plan SPEC --runs RUNS --points 0          greater than or equal to 1
 2  figure RUN fat -o x.pdf                   choose one of data, fit
+2  figure RUN bands -o x.pdf                 residuals, nrmse, segments, terms
 2  figure RUN fit -o x.docx                  choose .svg
 2  figure RUN fit --curve 201 -o x.pdf       pressure=200
 2  figure RUN fit -o x.svg --data x.csv      name its curve with --curve

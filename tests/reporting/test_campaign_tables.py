@@ -36,6 +36,7 @@ def test_a_failed_run_is_told_by_its_name():
     table = nrmse_table(CampaignScores(runs_of("a mapmore 1 sarosi 2"), failed=("broken",)))
     assert table.rows[1] == ("broken", "failed", None)
     assert table.numeric[1]
+    assert nrmse_table(CampaignScores({}, failed=("broken",))).notes == ()
 
 
 def test_hostile_names_are_text_on_the_page():

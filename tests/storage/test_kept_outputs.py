@@ -25,9 +25,9 @@ def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
     write_chosen(place, {"a.c": b"2", "b.csv": b"1"})
     (place / "d.c").write_bytes(b"/* mine, beside the code of mapmore */")
     (place / "b.csv").write_bytes(b"1, edited")
-    with pytest.raises(WriteError, match=r"d\.c: exists, and mapmore has not written it"):
+    with pytest.raises(WriteError, match=r"d\.c: .* not written by mapmore"):
         write_chosen(place, {"a.c": b"3", "d.c": b"3"})
-    with pytest.raises(WriteError, match=r"b\.csv: exists, .* somebody has changed it since"):
+    with pytest.raises(WriteError, match=r"b\.csv: the file exists, .* was changed afterwards"):
         write_chosen(place, {"a.c": b"3", "b.csv": b"3"})
     (place / "e.c").symlink_to("d.c")
     with pytest.raises(WriteError, match=r"e\.c: is a link"):
@@ -45,7 +45,7 @@ def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
 def test_without_its_note_a_file_with_a_chosen_name_is_kept(tmp_path, left):
     write_chosen(tmp_path, {"a.c": b"1"})
     (tmp_path / WRITTEN).unlink() if left is None else (tmp_path / WRITTEN).write_text(left)
-    with pytest.raises(WriteError, match=r"a\.c: exists, and "):
+    with pytest.raises(WriteError, match=r"a\.c: the file exists, and "):
         write_chosen(tmp_path, {"a.c": b"2"})
     write_chosen(tmp_path, {"a.c": b"1"})  # the same contents are noted again
     (tmp_path / WRITTEN).rename(tmp_path / "note")
@@ -73,7 +73,7 @@ def test_tables_in_memory_replace_no_recording_of_the_user(tmp_path):
     (path,) = write_tables(tables, place)
     assert write_tables(tables, place) == [path]
     path.write_text("mine")
-    with pytest.raises(WriteError, match="mapmore has not written it"):
+    with pytest.raises(WriteError, match="not written by mapmore"):
         write_tables(tables, place)
     assert path.read_text() == "mine"
 
@@ -99,7 +99,7 @@ def test_an_output_that_is_noted_may_not_be_read_later(tmp_path):
 def test_a_chosen_name_is_refused_early_if_the_file_is_of_somebody_else(tmp_path):
     (tmp_path / "a.c").write_text("mine")
     refuse_early(tmp_path / "a.c")
-    with pytest.raises(WriteError, match="mapmore has not written it"):
+    with pytest.raises(WriteError, match="not written by mapmore"):
         refuse_early(tmp_path / "a.c", chosen=True)
     (tmp_path / "empty").write_text("")
     refuse_early(tmp_path / "empty", chosen=True)

@@ -102,7 +102,8 @@ def nrmse_table(scores: CampaignScores) -> Table:
         for name, run in runs.items()
     ]
     rows += [(name, *["failed", *[None] * len(models)][: len(models)]) for name in scores.failed]
-    notes = [f"NRMSE in per cent, all curves pooled; normalised by {scores.normalisers}."]
+    pooled = f"NRMSE in per cent, all curves pooled; normalised by {scores.normalisers}."
+    notes = [pooled] if models else []
     for group in dict.fromkeys(scores.groups.values()):
         group_runs = [run for name, run in runs.items() if scores.groups.get(name) == group]
         errors = [

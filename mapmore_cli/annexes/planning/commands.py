@@ -137,7 +137,7 @@ def plan(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Say what to measure next, where the model is least certain.
+    """Say what to measure next to make the model more accurate.
 
     If the study has levels, the next level lies in the middle of the widest gap. Without levels, or
     with --points, several models form a committee, and points are placed where these disagree and

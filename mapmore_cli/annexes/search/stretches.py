@@ -55,8 +55,9 @@ def stretches(
 
 
 def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
-    """Return masks, (size,), of five folds. Each leaves out short runs several times in each
-    recording, or one long run, which may overlap with the runs of other folds.
+    """Return the masks of `BLOCKS` folds, (size,) each. In each recording, a fold leaves out
+    stretches of about `run` samples: up to `BLOCKS` stretches if they are short, or a single
+    stretch if it is long. Long stretches of different folds may overlap.
     """
     masks = np.zeros((BLOCKS, size), dtype=np.bool_)
     for rows in logs:

@@ -1,4 +1,6 @@
-"""Make MAPMORE models, the pieces of M1 and M2, from sections of the spec."""
+"""Fit models that consist of segments (the MAPMORE method of Veale, Xie and Anderson 2018) with the
+settings in the spec.
+"""
 
 from __future__ import annotations
 

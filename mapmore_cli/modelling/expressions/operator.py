@@ -28,6 +28,7 @@ class Parameter:
     - `unit`: unit of the number in the name of a state; `1` for a ratio.
     - `example`: a value as the author of a spec would write it.
     - `above`, `below`: limits between which the number must lie, not included.
+    - `or_zero`: True if the number may also be 0.
     - `between`: function that returns the smallest and the largest value that training tries. Its
       arguments are the time between samples and the duration of the longest piece, both in s.
     """
@@ -38,6 +39,11 @@ class Parameter:
     below: float = math.inf
     above: float = 0.0
     between: Callable[[float, float], tuple[float, float]] | None = None
+    or_zero: bool = False
+
+    def allows(self, number: float) -> bool:
+        """Return True if the parameter can have this value."""
+        return self.above < number < self.below or (self.or_zero and number == 0)
 
 
 @dataclass(frozen=True)

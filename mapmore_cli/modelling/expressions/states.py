@@ -225,7 +225,7 @@ def _operated(tokens: Tokens, name: Token, depth: int) -> Operated:
             f"`{name.text}` takes {wanted} number(s) after its source, not {len(numbers)}", closing
         )
     for number, parameter in zip(numbers, operator.parameters, strict=False):
-        if not parameter.above < number < parameter.below:
+        if not parameter.allows(number):
             limits = f"lies between {parameter.above:g} and {parameter.below:g}"
             raise ExpressionError(
                 f"`{parameter.key}` of `{name.text}` {limits}, not {number:g}", closing

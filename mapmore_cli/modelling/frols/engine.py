@@ -41,7 +41,7 @@ from mapmore_cli.modelling.frols.select import (
 from mapmore_cli.modelling.frols.together import Together, chosen_together
 from mapmore_cli.modelling.frols.weighing import Choice, Weighing, reweighted
 
-# number of columns for which `P'P` takes about as long as one matrix-vector product with `P`
+# If `P` has M columns, computing `P'P` takes about as long as M/16 matrix-vector products with `P`.
 # With an orthonormal basis (`BasisRemainders`), each term needs one such product.
 GRAM_COLUMNS_PER_TERM = 16
 

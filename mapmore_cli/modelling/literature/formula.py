@@ -126,12 +126,12 @@ class Formula:
         without = with_numbers(self._fitted_expression, dict.fromkeys(self.linear, 0.0))
         if not (self.dimensions or self.definition) and without != Number(0.0):
             raise ValueError(f"{self.name}: a term has no linear parameter")
-        if any(
-            derivative(self._fitted_expression, name).names & {*self.linear} for name in self.linear
-        ):
-            raise ValueError(
-                f"{self.name}: `nonlinear` lacks a parameter in which the formula is not linear"
-            )
+        for name in self.linear:
+            if others := derivative(self._fitted_expression, name).names & {*self.linear}:
+                raise ValueError(
+                    f"{self.name}: add `{name}` to `nonlinear`, because the derivative of the "
+                    f"formula with respect to `{name}` contains `{min(others)}`"
+                )
         return self
 
     def starting_from(self, start: str) -> Formula:

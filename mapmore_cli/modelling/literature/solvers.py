@@ -159,10 +159,12 @@ def _grids(problem: LeastSquares) -> list[Array]:
 def _onto_bounds_of(
     problem: LeastSquares, c: Array, bounds: tuple[Array, Array]
 ) -> tuple[Array, list[int]]:
-    """Return coordinates moved onto the bounds that they almost touch, as `onto_bounds` does. They
-    are not moved if the sum of squares is larger at the bounds. For example, if the interval is
-    wide, a value may be many times as large as a small bound, although the distance of both is a
-    small fraction of the interval.
+    """Move coordinates onto the bounds that they almost touch, as `onto_bounds` does, unless the
+    sum of squares is larger there. Return the coordinates and the indices of those at a bound.
+
+    The sum of squares is compared because "almost" means a small fraction of the interval. In the
+    interval from 0.001 to 10 000, the value 0.005 is almost at the lower bound, although it is five
+    times as large.
     """
     moved, touched = onto_bounds(c, bounds)
     if touched:

@@ -257,9 +257,9 @@ def training_curves(curves: Sequence[Curve], by_level: bool) -> tuple[Curve, ...
 
 
 def trained_at(curves: Sequence[Curve], level: str | float) -> tuple[Curve, ...]:
-    """Return the curves, of which only those at `level` have training samples. All samples of other
-    curves count as at rest. `level` is a number, `highest` for the highest training level, or `all`
-    for unchanged curves.
+    """Return the curves, and keep training samples only in the curves at `level`. In all other
+    curves, every sample is marked as at rest, so that the fit does not use it. `level` is a number,
+    `highest` for the highest training level, or `all` for unchanged curves.
     """
     if level == "all":
         return tuple(curves)

@@ -125,8 +125,8 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
 
 
 def _settled(signal: Array, later: IntArray, span: float) -> BoolArray:
-    """Return a mask of the samples at which a signal lies in the band around its median over the
-    samples `later`.
+    """Return a mask that is True if a signal differs from its final value by at most `BAND * span`.
+    The final value is the median of the samples with the indices `later`.
     """
     return np.abs(signal - np.median(signal[later])) <= BAND * span
 

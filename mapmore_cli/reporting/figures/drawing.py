@@ -179,7 +179,8 @@ NARROW = 3.5
 @dataclass(frozen=True)
 class RenderedFigure:
     """A figure as SVG; `width` is in inches, and `numbers` are the data from which it was drawn
-    (CSV). On a narrow screen, `columns` of panels are placed below each other.
+    (CSV). `columns` is the number of panels side by side. On a narrow screen, these panels are
+    placed below each other.
     """
 
     name: str

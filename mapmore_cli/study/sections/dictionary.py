@@ -82,9 +82,10 @@ def _number_fields(operator: Operator) -> dict[str, Any]:
     operator must have exactly one parameter.
     """
     (one,) = operator.parameters
-    bounds = Field(gt=one.above) if one.below == float("inf") else Field(gt=one.above, lt=one.below)
+    lower = Field(ge=one.above) if one.or_zero else Field(gt=one.above)
+    upper = Field(lt=None if one.below == inf else one.below)
     unit_of = always_in(one.unit)
-    number: Any = Annotated[float, bounds, unit_of]
+    number: Any = Annotated[float, lower, upper, unit_of]
     fields: dict[str, Any] = {one.key: (Annotated[list[number], Field(min_length=1)] | None, None)}
     return {**fields, "count": (Count | None, None)} if operator.spread is not None else fields
 

@@ -109,6 +109,7 @@ MALFORMED = {
     "takes 0 or 1 number": {"slow(x, 1, 2)": 12},
     "takes 0 or 2": {"resonance(x, 1)": 14},
     "between 0 and 1": {"resonance(x, 1, 1.5)": 19, "play(x, -1)": 10, "play(x, 0)": 9},
+    "between 0 and inf": {"dahl(x, -1e-10)": 14, "slow(x, 0)": 9},
     "expected a number": {"play(x, 1e999)": 8},
     r"expected `,` or `\)`": {"play(x + y, 1)": 7, "slow(x, 1": 9},
     "name of a quantity": {"play(2, 1)": 5, "slow(exp(x), 1)": 5},

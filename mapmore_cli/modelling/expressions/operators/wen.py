@@ -15,7 +15,8 @@ from mapmore_cli.modelling.expressions.operator import (
 
 # largest exponent; with a larger one, the state is practically infinite and the run has diverged
 STEEPEST = 700.0
-# largest rate in training; with it, the state follows a reversal within 1e-4 of the range of x
+# upper bound of p and q in training. With this value, the state has adapted to a reversal after x
+# has moved by about 1e-4 of its training range.
 MOST = 1e4
 
 
@@ -63,7 +64,7 @@ def _relaxed(m: Arithmetic, w: Amount, rate: float, a: Amount) -> Amount:
 def _rates(least: float) -> tuple[Parameter, Parameter]:
     return (
         Parameter("p", "1", "2", above=-64.0, between=lambda _step, _longest: (least, MOST)),
-        Parameter("q", "1", "8", above=-1e-9, between=lambda _step, _longest: (0.0, MOST)),
+        Parameter("q", "1", "8", between=lambda _step, _longest: (0.0, MOST), or_zero=True),
     )
 
 
@@ -108,7 +109,7 @@ OPERATORS = (
         ),
         recursion=recursion,
         parameters=(
-            Parameter("rate", "1", "20", above=-1e-9, between=lambda _step, _longest: (0.0, MOST)),
+            Parameter("rate", "1", "20", between=lambda _step, _longest: (0.0, MOST), or_zero=True),
         ),
         needs="range",
         starts=lambda _step, _longest: ((1.0,), (4.0,), (16.0,), (64.0,), (256.0,), (1024.0,)),
