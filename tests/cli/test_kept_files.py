@@ -100,7 +100,7 @@ def test_an_export_that_may_not_be_written_is_refused_before_its_code_is_made(
     monkeypatch.setattr("mapmore_cli.annexes.exporting.exports.exported", None)
     output = start / "mine"
     line = (start / MODEL, "--to", "csv", "--grid", GRID, "-o", output)
-    mapmore("export", *map(str, line), code=7, says=f"{output / 'bench.csv'}: exists")
+    mapmore("export", *map(str, line), code=7, says=f"{output / 'bench.csv'}: the file exists")
 
 
 def files_here():
