@@ -180,8 +180,8 @@ def next_points(
 
 
 def until(committee: Committee, wanted: float) -> Until:
-    """Return a forecast of how many more points reduce the widest half width to `wanted`. The
-    committee is changed by the call.
+    """Return a forecast of how many more points are needed to reduce the widest half width to
+    `wanted`. The committee is changed by the call.
     """
     widest = float(committee.half.max())
     more, least = 0, widest

@@ -122,9 +122,10 @@ def situation_of(
 
 def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | None) -> list[str]:
     """Return the names of the quantities that are no linear function of another returned quantity.
-    If two quantities are linear functions of each other, the first of these rules that decides says
-    which one is returned: the level; the quantity that more formulas of the literature use (the
-    strain instead of a length or a displacement); the later name.
+    If two quantities are linear functions of each other, only one of them is returned: the level,
+    if it is one of them; otherwise the quantity that more formulas of the literature use (the
+    strain rather than a length or a displacement); if both are used equally often, the quantity
+    that comes later in `names`.
     """
     formulas = map(literature.get, literature.names())
     uses = Counter(name for formula in formulas for name in formula.inputs)

@@ -114,8 +114,8 @@ def lengths_of(model: ModelChoice, lengths: Mapping[str, float | None]) -> dict[
 
 
 def level_of(levels: Levels | None, segment: SegmentSection) -> str | None:
-    """Return the quantity between whose levels curves are interpolated: the quantity of `levels`,
-    unless `segment: {<quantity>: none}` pools its curves.
+    """Return the quantity of `levels`; the model interpolates between the curves at its levels.
+    Return None if there are no levels, or if `segment: {<quantity>: none}` pools the curves.
 
     For step responses, the quantity is the pressure. Each curve has the pressure of its plateau as
     level, and a prediction uses the pressure at the same sample.

@@ -61,7 +61,8 @@ def function(
     """
     if unknown := texts.keys() - LIBRARY.keys():
         raise ValueError(
-            f"function `{name}`: no model is exported to the language {', '.join(unknown)}"
+            f"function `{name}`: models are not exported to {', '.join(unknown)}, "
+            f"only to {', '.join(LIBRARY)}; correct the name of the language"
         )
     usual = {language: text.format(name) for language, text in LIBRARY.items()}
     return name, ScalarFunction(compute, slope, usual | texts)

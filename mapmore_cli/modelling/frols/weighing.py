@@ -112,8 +112,8 @@ class Weighing:
         return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
 
     def by(self, weights: Array | None) -> Array | None:
-        """Return the numbers, (n,), by which rows must be divided to have the robust `weights`,
-        (n,), in addition to the weights that follow from the uncertainty.
+        """Return the divisor of each row, `sigma / sqrt(weights)`, (n,), in which `sigma` is 1 if it
+        is None. Least squares on the divided rows gives each sample the weight `weights/sigma^2`.
         """
         if weights is None:
             return self.sigma
@@ -140,8 +140,7 @@ class Weighing:
         self, loss: str, chosen: Blocks, weights: Array | None
     ) -> tuple[Array, float, Array]:
         """Compute robust weights for a fit with the chosen columns. Return the weights after
-        convergence, the scale of the residuals, and the numbers by which rows must be divided to
-        have these weights in addition to the weights that follow from the uncertainty.
+        convergence, the scale of the residuals, and the divisor of each row (see `by`).
         """
         P, y = map(np.concatenate, zip(*self.rows(chosen)(), strict=True))
         weights = np.ones(len(y)) if weights is None else weights

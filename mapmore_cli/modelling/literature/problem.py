@@ -21,8 +21,9 @@ Intervals = tuple[tuple[float, float], ...]
 class Nonlinear:
     """A parameter in which its formula is not linear.
 
-    A fit searches its dimensionless coordinate c: `value * max|per|`, `value / max|of|`, or the
-    value itself. The `intervals` of c are in ascending order and include their ends. None of them
+    A fit searches a dimensionless coordinate c instead of the value of the parameter. If the
+    quantity `per` is given, c is `value * max|per|`; if the quantity `of` is given, c is
+    `value / max|of|`; otherwise, c is the value. The `intervals` of c are in ascending order and include their ends. None of them
     contains zero, except as an end.
     """
 

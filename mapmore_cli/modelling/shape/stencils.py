@@ -54,7 +54,9 @@ class ShapeWord:
 
 
 def asked_of(fit: Fit) -> list[ShapeWord]:
-    """Return all conditions in `fit.shape`, one for each quantity and word."""
+    """Return the conditions in `fit.shape`: one for each quantity and each of its words, for example
+    `increasing` or `convex`.
+    """
     return [
         ShapeWord(name, word)
         for name, words in (fit.shape or {}).items()

@@ -149,7 +149,8 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
-# largest root mean square difference, as a fraction of the range, of cycles that repeat in time
+# A cycle has the same course as an earlier cycle if the root mean square difference of their
+# inputs is at most this fraction of the range of the input.
 SAME_COURSE = 0.05
 
 
