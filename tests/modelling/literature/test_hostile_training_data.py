@@ -143,9 +143,9 @@ def test_a_formula_that_overflows_everywhere_has_failed(method):
     ("text", "nonlinear", "message"),
     [
         ("a*x + c", (), "must contain all declared inputs"),
-        ("a*x*b", (), "in which the formula is not linear"),
+        ("a*x*b", (), "to `nonlinear`, because the derivative"),
         ("a*x + b*x + x", (), "no linear parameter"),
-        ("a*exp(b*x)", (), "in which the formula is not linear"),
+        ("a*exp(b*x)", (), "to `nonlinear`, because the derivative"),
     ],
 )
 def test_a_formula_that_is_not_what_it_declares_cannot_be_made(text, nonlinear, message):
