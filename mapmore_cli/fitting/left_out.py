@@ -105,8 +105,9 @@ def left_out(
     Every step is repeated without the left-out level or group: the effects of groups, the structure
     search if there is one, cuts, terms, backbone, the weight of the residual, and every competitor.
     The gain and the offset of its group are removed from a sample before it is scored; both are
-    estimated in the fold that leaves the sample out. The run's own model predicts the quantity `fitted_to`; if this is not the scored quantity, the model
-    is inverted. A model whose fit fails without one of the levels is left out of the comparison.
+    estimated in the fold that leaves the sample out. The run's own model predicts the quantity
+    `fitted_to`; if this is not the scored quantity, the model is inverted. A model whose fit fails
+    without one of the levels is left out of the comparison.
     """
     refuse_over_time(choices)
     dataset = contest.dataset

@@ -112,8 +112,9 @@ class Weighing:
         return None if sigma is None else np.asarray(sigma * np.sqrt(np.mean(sigma**-2.0)))
 
     def by(self, weights: Array | None) -> Array | None:
-        """Return the divisor of each row, `sigma / sqrt(weights)`, (n,), in which `sigma` is 1 if it
-        is None. Least squares on the divided rows gives each sample the weight `weights/sigma^2`.
+        """Return the divisor of each row, `sigma / sqrt(weights)`, (n,), in which `sigma` is 1 if
+        it is None. Least squares on the divided rows gives each sample the weight
+        `weights / sigma^2`.
         """
         if weights is None:
             return self.sigma

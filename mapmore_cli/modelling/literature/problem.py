@@ -22,9 +22,9 @@ class Nonlinear:
     """A parameter in which its formula is not linear.
 
     A fit searches a dimensionless coordinate c instead of the value of the parameter. If the
-    quantity `per` is given, c is `value * max|per|`; if the quantity `of` is given, c is
-    `value / max|of|`; otherwise, c is the value. The `intervals` of c are in ascending order and include their ends. None of them
-    contains zero, except as an end.
+    quantity `per` is given, c is `value * max|per|`; if the quantity `of` is given, c is `value /
+    max|of|`; otherwise, c is the value. The `intervals` of c are in ascending order and include
+    their ends. None of them contains zero, except as an end.
     """
 
     name: str

@@ -54,8 +54,8 @@ class ShapeWord:
 
 
 def asked_of(fit: Fit) -> list[ShapeWord]:
-    """Return the conditions in `fit.shape`: one for each quantity and each of its words, for example
-    `increasing` or `convex`.
+    """Return the conditions in `fit.shape`: one for each quantity and each of its words, for
+    example `increasing` or `convex`.
     """
     return [
         ShapeWord(name, word)
