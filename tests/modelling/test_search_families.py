@@ -511,6 +511,17 @@ def test_folds_at_an_end_have_the_weight_of_the_ends_that_are_held_out(levels, h
     assert choose_structure(outcomes, bench, MOST_PARAMETERS).found.words == words
 
 
+def test_a_formula_is_not_refused_for_its_error_inside_if_a_single_fold_decides():
+    bench = leveled(1, 2, 3, 4, 5, 6, held=[1, 2, 3])
+    assert (bench.weights > 0).sum() == 1
+    outcomes = []
+    for kind, parameters, inside, end in (("formula", 6, 0.09, 0.1), ("simple", 10, 0.03, 0.3)):
+        places = np.where(bench.weights > 0, end, inside).tolist()
+        left = [np.full(int(fold.sum()), e) for fold, e in zip(bench.folds, places, strict=True)]
+        outcomes.append((Tried(kind, kind, {}, parameters=parameters), left))
+    assert choose_structure(outcomes, bench, MOST_PARAMETERS).found.words == "formula"
+
+
 def test_ends_of_all_curves_are_left_out_where_the_study_holds_out_the_end_of_one():
     """The end of a short curve lies within the range of a longer one."""
     u, x = np.ones(100), np.linspace(0, 1, 100)

@@ -26,7 +26,8 @@ BY_MEDIAN = (
     "parameters was added, or a plain model within 2 % of it"
 )
 
-PLAIN = ("simple", "formula")
+FORMULA = "formula"
+PLAIN = ("simple", FORMULA)
 """Kinds that are preferred if they are as good as any other."""
 
 WORSE_INSIDE = (
@@ -41,7 +42,8 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
 
     If a single fold decides, it has no standard error, and a structure may be better there by
     chance. Then a structure is refused if its mean logarithm of the error on the stretches exceeds
-    that of the best plain structure by more than the upper limit of `WITHIN`.
+    that of the best plain structure by more than the upper limit of `WITHIN`. A formula is never
+    refused in this way, because it describes the end of the range with few parameters.
     """
     tried = [one for one, _ in outcomes]
     usable = [number for number, one in enumerate(tried) if not one.failure]
@@ -61,7 +63,7 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
     refused = np.zeros_like(plain)
     if plain.any() and bench.blocks and decide.sum() == 1:
         inside = simplest_of(sizes, errors[:, : bench.blocks], eligible=plain).excess
-        refused = eligible & (inside > WITHIN[1])
+        refused = eligible & (inside > WITHIN[1]) & ~np.isin(kinds, FORMULA)
     eligible &= ~refused
     rank = simplest_of(sizes, errors[:, decide], bench.weights[decide], eligible, over_time)
     front = undominated(sizes, np.where(eligible, rank.excess, np.inf))

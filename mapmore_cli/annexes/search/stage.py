@@ -61,7 +61,7 @@ def run_search(part: Slice, workspace: Workspace) -> None:
     )
 
 
-STAGE = Stage(name="search", revision=24, outputs=(SEARCH,), reads=search_slice, run=run_search)
+STAGE = Stage(name="search", revision=25, outputs=(SEARCH,), reads=search_slice, run=run_search)
 
 
 def formulas_beside(result: Search, every: bool = False) -> list[str]:
