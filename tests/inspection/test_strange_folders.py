@@ -125,7 +125,17 @@ def test_files_of_office_programs_are_passed_over(tmp_path):
     write(tmp_path / "log.csv", (T[:600], u, np.roll(u, 3)), "t [s],p [kPa],angle [deg]\n")
     for name in ("~$log.xlsx", "Thumbs.db", ".hidden.csv"):
         (tmp_path / name).write_bytes(b"x")
-    assert find_studies(tmp_path)[1] == []
+    (study,), left_out = find_studies(tmp_path)
+    assert (study.names, left_out) == (["log"], [])
+
+
+def test_a_copy_in_another_folder_is_named_with_its_folder(tmp_path):
+    u = 50 + 40 * np.sin(T[:600])
+    for name in ("a/run.csv", "beside/run.csv"):
+        (tmp_path / name).parent.mkdir()
+        write(tmp_path / name, (T[:600], u, np.roll(u, 3)), "t [s],p [kPa],angle [deg]\n")
+    why = "beside/run.csv: has the same contents as a/run.csv"
+    assert find_studies(tmp_path)[1] == [why]
 
 
 def test_a_copy_of_a_file_is_left_out_by_name(tmp_path):

@@ -90,10 +90,6 @@ def find_held(
             # few samples at each value mean that the quantity moved in steps, and was not held
             return None
     of = asked or next(iter(levels))
-    at, within = levels.get(of, []), None
-    if not at:
-        at = find_levels(np.concatenate([one.columns[of] for one in recordings])).tolist()
-        within = two_digits(NEAR * 2 * default_within(np.array(at))) if len(at) > 1 else None
     swept = next((name for name in inputs if name not in (of, *levels)), None)
     at, within = levels.get(of, []), None
     if not at:

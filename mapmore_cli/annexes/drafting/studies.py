@@ -105,7 +105,9 @@ class Study:
         names = []
         for file, place in self.parts:
             titles = dict(zip(self.layout.tables, self.above[file], strict=True))
-            title = titles.get(place.get("table", 0), "") or (place.get("sheet") if is_one else "")
+            title = titles.get(place.get("table", 0), "")
+            if is_one:
+                title = title or place.get("sheet", "")
             names.append(title if is_one and title else f"{stems[file]} {title}".strip())
         return names
 
@@ -131,10 +133,12 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     readable = [file for file in every if file == path or reader_of(file) is not None]
     copies = _copies(readable)  # only files that can be read are compared with their copies
     layouts, faults = _layouts_of([file for file in readable if file not in copies])
+    root = path if path.is_dir() else path.parent
+    names = {file: relative_name(file, root) for file in readable}
     bad = {
-        **{file: f"{file.name}: has the same contents as {copies[file].name}" for file in copies},
-        **faults,
-    }
+        copy: f"{names[copy]}: has the same contents as {names[file]}"
+        for copy, file in copies.items()
+    } | faults
     others = {file: why for file in {*every} - {*readable} if (why := unread(file))}
     studies = [replace(one, bad=bad) for one in _joined(layouts)]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
