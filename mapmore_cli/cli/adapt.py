@@ -13,8 +13,8 @@ from mapmore_cli.cli.console import (
     Quiet,
     View,
     members,
+    output_option,
     print_view,
-    refuse_outputs,
 )
 from mapmore_cli.cli.model_tables import constants_of, lines_for
 from mapmore_cli.cli.progress import Reporter
@@ -49,13 +49,7 @@ def adapt(
     ] = None,
     output: Annotated[
         Path | None,
-        Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            callback=refuse_outputs,
-            help=f"The model to write. Default: {ADAPTED}.",
-        ),
+        output_option(f"The model to write. Default: {ADAPTED}."),
     ] = None,
     given: Annotated[
         list[str],

@@ -21,9 +21,9 @@ from mapmore_cli.cli.console import (
     Runs,
     View,
     folder_of,
+    output_option,
     print_view,
     refuse_endings,
-    refuse_outputs,
     write_figure,
 )
 from mapmore_cli.cli.progress import Reporter
@@ -65,12 +65,7 @@ def compare(
     ] = None,
     figure: Annotated[
         Path | None,
-        Option(
-            "--figure",
-            metavar="FILE",
-            callback=refuse_outputs,
-            help="Draw the drift over all models (.svg .pdf .png .pgf).",
-        ),
+        output_option("Draw the drift over all models (.svg .pdf .png .pgf).", "--figure"),
     ] = None,
     archive: Archive = ARCHIVE,
     runs: Runs = RUNS,

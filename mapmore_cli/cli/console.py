@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 def refuse_outputs(named: Path | list[Path] | None) -> Path | list[Path] | None:
     """Refuse the outputs that an option names, before the command computes, if they cannot be
-    written (`storage.outputs.refuse_early`). This is the callback of every option for a file.
+    written (`storage.outputs.refuse_early`).
     """
     from mapmore_cli.storage.outputs import refuse_early
 
@@ -52,6 +52,14 @@ def refuse_outputs(named: Path | list[Path] | None) -> Path | list[Path] | None:
         if path is not None and path != STANDARD:
             refuse_early(path)
     return named
+
+
+def output_option(help: str, *names: str) -> Any:
+    """Return the option for a file that a command writes, `--output` if it has no other name. A
+    file that cannot be written is refused before the command computes.
+    """
+    names = names or ("--output", "-o")
+    return Option(*names, metavar="FILE", callback=refuse_outputs, help=help)
 
 
 Config = Annotated[Path, Argument(metavar="CONFIG", help="The experiment spec (YAML).")]
@@ -91,33 +99,13 @@ Unverified = Annotated[
 Quiet = Annotated[bool, Option("--quiet", "-q", help="No progress and no warnings on stderr.")]
 Verbose = Annotated[bool, Option("--verbose", "-v", help="Also show how long each step took.")]
 Junit = Annotated[
-    Path | None,
-    Option(
-        "--junit",
-        metavar="FILE",
-        callback=refuse_outputs,
-        help="Also write the outcome of each run, as JUnit XML.",
-    ),
+    Path | None, output_option("Also write the outcome of each run, as JUnit XML.", "--junit")
 ]
 Summary = Annotated[
     Path | None,
-    Option(
-        "--summary",
-        metavar="FILE",
-        callback=refuse_outputs,
-        help="Also write a summary with the tables of scores (Markdown).",
-    ),
+    output_option("Also write a summary with the tables of scores (Markdown).", "--summary"),
 ]
-OutputOrStdout = Annotated[
-    Path,
-    Option(
-        "--output",
-        "-o",
-        metavar="FILE",
-        callback=refuse_outputs,
-        help="Where to write; - is stdout.",
-    ),
-]
+OutputOrStdout = Annotated[Path, output_option("Where to write; - is stdout.")]
 
 RUNS, ARCHIVE, STANDARD = Path("runs"), Path("archive"), Path("-")
 """Defaults of `Runs`, of `Archive`, and of files that may be stdin or stdout."""

@@ -20,10 +20,10 @@ from mapmore_cli.cli.console import (
     Runs,
     Unverified,
     folder_of,
+    output_option,
     print_document,
     print_view,
     refuse_endings,
-    refuse_outputs,
 )
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError
@@ -98,12 +98,8 @@ def figure(
     ],
     out: Annotated[
         Path | None,
-        Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            callback=refuse_outputs,
-            help=f"Output file: .{', .'.join(FIGURE_FILES)}. Default: FIGURE.FORMAT.",
+        output_option(
+            f"Output file: .{', .'.join(FIGURE_FILES)}. Default: FIGURE.FORMAT.", "--out", "-o"
         ),
     ] = None,
     form: Annotated[
@@ -138,11 +134,7 @@ def figure(
     ] = None,
     data: Annotated[
         Path | None,
-        Option(
-            metavar="FILE",
-            callback=refuse_outputs,
-            help="Also write the data of the panel (CSV).",
-        ),
+        output_option("Also write the data of the panel (CSV).", "--data"),
     ] = None,
     looks: Annotated[
         list[str],

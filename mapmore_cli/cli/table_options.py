@@ -1,4 +1,6 @@
-"""Read the options of `predict` and `invert` for tables that another program wrote."""
+"""Declare and read the options of `predict`, `invert` and `adapt` for tables that another program
+wrote.
+"""
 
 from __future__ import annotations
 

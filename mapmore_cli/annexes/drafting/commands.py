@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Argument, Option
 
-from mapmore_cli.cli.console import STANDARD, Quiet, refuse_outputs
+from mapmore_cli.cli.console import STANDARD, Quiet, output_option
 from mapmore_cli.cli.progress import Reporter
 from mapmore_cli.domain.errors import UsageError, WriteError
 from mapmore_cli.storage.outputs import refuse_foreign_file, write_chosen, write_text
@@ -23,15 +23,9 @@ def init(
     path: Annotated[Path, Argument(metavar="PATH", help="A recording, or a folder of recordings.")],
     output: Annotated[
         Path | None,
-        Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            callback=refuse_outputs,
-            help=(
-                "Where to write the spec. Default: NAME.yaml in the current folder; - for "
-                "standard output."
-            ),
+        output_option(
+            "Where to write the spec. Default: NAME.yaml in the current folder; - for "
+            "standard output."
         ),
     ] = None,
     name: Annotated[str | None, Option(metavar="NAME", help="Name of the study.")] = None,

@@ -19,9 +19,9 @@ from mapmore_cli.cli.console import (
     Quiet,
     Runs,
     SpecOrRun,
+    output_option,
     print_view,
     refuse_endings,
-    refuse_outputs,
     spec_of,
     write_figure,
 )
@@ -35,12 +35,8 @@ if TYPE_CHECKING:
 
 Outputs = Annotated[
     list[Path],
-    Option(
-        "--output",
-        "-o",
-        metavar="FILE",
-        callback=refuse_outputs,
-        help="Also write the figure (.svg .pdf .png .pgf) or the table (.csv .tex). Repeatable.",
+    output_option(
+        "Also write the figure (.svg .pdf .png .pgf) or the table (.csv .tex). Repeatable."
     ),
 ]
 
