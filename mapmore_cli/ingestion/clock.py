@@ -4,14 +4,13 @@ corrected only as the spec says.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import row_numbers
+from mapmore_cli.domain.arrays import Array, row_numbers
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.ingestion.reading import TURNS, going_on
 from mapmore_cli.ingestion.samples import Samples
 from mapmore_cli.modelling.signals import sampling
 from mapmore_cli.study.sections.data import Data
@@ -51,6 +50,16 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samp
         found = [_resampled(piece, step) for piece in found]
     return found
 
+
+TURNS = (3600.0, 86400.0)
+"""Times after which clocks restart, s. A clock that shows minutes restarts after an hour, and one
+that shows the time of day at midnight.
+"""
+
+NEAR_TURN = 0.9
+"""Smallest step backwards that counts as a restart, as a fraction of the time after which the clock
+restarts. The step can be smaller than the whole time, because the log may have paused.
+"""
 
 SHORT_TURNS = (1.0, 60.0)
 """Times at which columns of milliseconds and of seconds restart, s."""
@@ -193,3 +202,14 @@ def _resampled(samples: Samples, step: float) -> Samples:
     return samples.keep(
         np.zeros(samples.size, dtype=np.bool_), "piece shorter than a step of `resample`"
     )
+
+
+def going_on(time: Array, turns: Sequence[float]) -> Array:
+    """Return the offsets, (n,), that must be added to the stamps of a clock so that it continues.
+    The clock restarts after one of the times in `turns`.
+    """
+    before, steps = time[:-1], np.diff(time)
+    added = np.sum(
+        [turn * ((steps <= -NEAR_TURN * turn) & (before <= turn)) for turn in turns], axis=0
+    )
+    return np.concatenate([[0.0], np.cumsum(added)])[: len(time)]

@@ -220,7 +220,7 @@ def _mended(
     }
     whole = clocked(samples.with_columns(constants), data, units)
     finished = [
-        kept(derived(piece, data.derive, units), (*data.keep, *source.keep), units)
+        kept(derived(piece, data, units), (*data.keep, *source.keep), units)
         for piece in whole
         if piece.size
     ]

@@ -13,16 +13,15 @@ from mapmore_cli.fitting.kinds.dictionary import signal_of
 from mapmore_cli.ingestion.samples import Samples, located
 from mapmore_cli.modelling import expressions as terms
 from mapmore_cli.modelling.signals.rates import signal_values
-from mapmore_cli.study.sections.data import Direction, Rate
+from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.sections.logs import Keep
 
 
-def derived(
-    samples: Samples, derive: Mapping[str, str | Rate | Direction], units: Mapping[str, str]
-) -> Samples:
-    """Add the quantities of `derive`. A quantity is computed after the quantities on which it
+def derived(samples: Samples, data: Data, units: Mapping[str, str]) -> Samples:
+    """Add the quantities of `data.derive`. A quantity is computed after the quantities on which it
     depends. Raises DataError for a value that is not finite.
     """
+    derive = data.derive
     expressions = {
         name: terms.parse(rule) for name, rule in derive.items() if isinstance(rule, str)
     }
@@ -31,13 +30,8 @@ def derived(
         for name, rule in derive.items()
         if not isinstance(rule, str)
     }
-    needs = {
-        name: {signals[name].of} if name in signals else set(expressions[name].names)
-        for name in derive
-    }
-    for name in (
-        name for name in graphlib.TopologicalSorter(needs).static_order() if name in derive
-    ):
+    ordered = graphlib.TopologicalSorter(data.sources).static_order()
+    for name in filter(derive.__contains__, ordered):
         if name in signals:
             with located(samples.label):
                 values = signal_values(signals[name], samples.columns)

@@ -10,6 +10,7 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array, by_blocks, row_numbers
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.ingestion.clock import TURNS, going_on
 from mapmore_cli.ingestion.files import Log, Meter
 from mapmore_cli.ingestion.samples import Samples
 from mapmore_cli.storage.readers import READERS
@@ -18,16 +19,6 @@ from mapmore_cli.storage.tables.cells import shortened
 from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.sections.logs import Logs, SourceColumn
 from mapmore_cli.study.units import convert, is_canonical, is_same, unit_of_file
-
-TURNS = (3600.0, 86400.0)
-"""Times after which clocks restart, s. A clock that shows minutes restarts after an hour, and one
-that shows the time of day at midnight.
-"""
-
-NEAR_TURN = 0.9
-"""Smallest step backwards that counts as a restart, as a fraction of the time after which the clock
-restarts. The step can be smaller than the whole time, because the log may have paused.
-"""
 
 
 def read_tables(
@@ -240,14 +231,3 @@ def unwrapped(values: Array, period: float) -> Array:
     found, known = values.copy(), np.isfinite(values)
     found[known] = np.unwrap(values[known], period=period)
     return found
-
-
-def going_on(time: Array, turns: Sequence[float]) -> Array:
-    """Return the offsets, (n,), that must be added to the stamps of a clock so that it continues.
-    The clock restarts after one of the times in `turns`.
-    """
-    before, steps = time[:-1], np.diff(time)
-    added = np.sum(
-        [turn * ((steps <= -NEAR_TURN * turn) & (before <= turn)) for turn in turns], axis=0
-    )
-    return np.concatenate([[0.0], np.cumsum(added)])[: len(time)]
