@@ -1,5 +1,5 @@
-"""Read tables for `predict` and `invert` that are not CSV files with the model's names and units.
-Such tables are read like the recordings of a spec, and converted to lines of a CSV table.
+"""Read tables for `predict`, `invert` and `adapt` that are not CSV files with the model's names and
+units. Such tables are read like the recordings of a spec, and converted to lines of a CSV table.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ def _samples(
     meter: Meter,
 ) -> Samples:
     for number, names in enumerate(ways, start=1):
-        _refuse_titles(options, names, units)
+        _refuse_titles(path.name, options, names, units)
         data = _data_of(path, options, names)
         try:
             log = Log(path, path.name, None)
@@ -169,7 +169,9 @@ def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
         ) from fault
 
 
-def _refuse_titles(options: TableOptions, names: Sequence[str], units: Mapping[str, str]) -> None:
+def _refuse_titles(
+    label: str, options: TableOptions, names: Sequence[str], units: Mapping[str, str]
+) -> None:
     """Raise DataError if the title of a column ends with a unit that differs from the unit in which
     the column is read.
     """
@@ -178,6 +180,7 @@ def _refuse_titles(options: TableOptions, names: Sequence[str], units: Mapping[s
         told = unit_of(title, unit) if title.rstrip().endswith(("]", ")")) else None
         if name not in options.units and told is not None and not is_same(told, unit):
             raise DataError(
-                f"the column '{title}' is read as {name} in {unit}, but its title says {told}",
-                f"write `unit: {told}`, or `unit: {unit}` if the title is wrong",
+                f"{label}: the column '{title}' is read as {name} in {unit}, but its title says "
+                f"{told}",
+                f"write `--units {name}={told}`, or `--units {name}={unit}` if the title is wrong",
             )

@@ -1,5 +1,5 @@
-"""Predict the rows of a table of any length, and append the predictions to the unchanged text of
-the table.
+"""Predict or invert the rows of a table of any length, and append the results to the unchanged text
+of the table.
 """
 
 from __future__ import annotations

@@ -259,9 +259,10 @@ def drawn_figure(
             else panel_of(name, inputs, key)
         )
         if drawing is None:
+            known = ", ".join(prefix + other for other in FIGURES if drawings(other, inputs))
             raise UsageError(
-                f"{run_dir}: its results contain nothing to draw as {name!r}",
-                f"choose one of {', '.join(one for one in FIGURES if drawings(one, inputs))}",
+                f"{run_dir}: its results contain nothing to draw as {prefix}{name}",
+                f"choose one of {known}",
             )
         as_wide = any(look.startswith(f"{LOOKS}width=") for look in looks)
         figure = compose(drawing, inputs.style, panel, inputs.style.width if as_wide else None)

@@ -98,7 +98,7 @@ def test_workbooks_parquet_and_utf16_are_read_as_they_are(tmp_path, model_file, 
     titles = ("--columns", "pressure=P [bar]", "--columns", "strain=eps")
     options = (*titles, "--units", "pressure=bar")
     assert mapmore("predict", model_file, tmp_path / "t.xlsx", *options, code=0).stdout == EXPECTED
-    says = "its title says bar\n  write `unit: bar`"
+    says = "its title says bar\n  write `--units pressure=bar`"
     mapmore("predict", model_file, tmp_path / "t.xlsx", *titles, code=4, says=says)
     percent = (*options, "--units", "strain=%")
     says = "'eps' is shown in per cent"
