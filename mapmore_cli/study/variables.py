@@ -50,7 +50,9 @@ def readable_variables() -> dict[str, str]:
 
 
 def variable_in(text: str) -> str | None:
-    """Return the first reference to a variable as a text spells it; None if there is none."""
+    """Return the first reference to a variable in a text, for example `${DATA}`. Return None if the
+    text contains no reference.
+    """
     return next((match[0] for match in _REFERENCE.finditer(text) if match[0] != "$${"), None)
 
 

@@ -63,13 +63,15 @@ def test_a_muscle_behind_a_tendon_is_outside_its_range_by_its_own_length(monkeyp
 
 
 def test_the_equations_distinguish_the_lengths_of_the_muscle_and_of_the_whole(monkeypatch):
-    own = as_equation("own", parse("rest_length*length - velocity"), 6, weight="length < 3")
+    own = as_equation(
+        "own", parse("rest_length*length - velocity + length_rate"), 6, weight="length < 3"
+    )
     monkeypatch.setattr(kinds, "equations", lambda _muscle, _units: (own,))
     tendon, muscle = TendonVerbs().equations(behind_a_tendon("length", "velocity"), {})
     stretched = "muscle_length = length - (force - 2)/60"
     assert tendon.text == f"{stretched}, muscle_velocity = velocity + rate(force)/60"
     assert tendon.latex.startswith(r"\text{muscle\_length = length")
-    renamed = parse("rest_length*muscle_length - muscle_velocity")
+    renamed = parse("rest_length*muscle_length - muscle_velocity + length_rate")
     assert muscle == as_equation("own", renamed, 6, weight="muscle_length < 3")
     assert TendonVerbs().equations(behind_a_tendon("length"), {})[0].text == stretched
 

@@ -79,9 +79,8 @@ def held_run(study: Dataset) -> int:
     for log in samples.logs:
         out += [*samples.held_out[log], 0]
     edges = np.flatnonzero(np.diff(out))
-    runs = edges[1::2] - edges[::2]
-    of_each_sample = [*np.sort(np.repeat(runs, runs)), 0]
-    return int(of_each_sample[(len(of_each_sample) - 2) // 2])
+    runs = np.sort(edges[1::2] - edges[::2])
+    return int(runs[np.searchsorted(np.cumsum(runs), runs.sum() / 2)]) if len(runs) else 0
 
 
 def _bands(

@@ -226,7 +226,8 @@ def _operated(tokens: Tokens, name: Token, depth: int) -> Operated:
         )
     for number, parameter in zip(numbers, operator.parameters, strict=False):
         if not parameter.allows(number):
-            limits = f"lies between {parameter.above:g} and {parameter.below:g}"
+            between = f"lies between {parameter.above:g} and {parameter.below:g}"
+            limits = f"is 0, or {between}" if parameter.or_zero else between
             raise ExpressionError(
                 f"`{parameter.key}` of `{name.text}` {limits}, not {number:g}", closing
             )

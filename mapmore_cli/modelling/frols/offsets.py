@@ -46,9 +46,9 @@ def far_from_zero(pieces: Sequence[SegmentFit], curves: Sequence[Curve]) -> list
 
 
 def _training_values(curves: Sequence[Curve], name: str) -> Blocks:
-    """Return the training samples of a quantity as blocks, both as the candidate and as y."""
+    """Return the training samples of a quantity as blocks, as y without candidates."""
     parts = [(curve.columns[name], curve.training) for curve in curves]
-    return lambda: ((x[:, None], x) for part in parts for x in blocks_where(*part))
+    return lambda: ((x[:, None][:, :0], x) for part in parts for x in blocks_where(*part))
 
 
 def constant_alone(fit: FitResult) -> list[str]:

@@ -94,7 +94,8 @@ def formula_value(
     """Write a fitted formula as statements of a program, and return its value; zero if there is no
     formula.
 
-    Raises DataError if the fit failed, or if the formula has no closed expression.
+    Raises DataError if the fit failed, or if the formula is fitted to load cycles, because it then
+    searches for the free strain at every sample.
     """
     if fit is None:
         return Number(0.0)

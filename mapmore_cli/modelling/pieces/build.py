@@ -139,7 +139,7 @@ def fuse(
     """Join the segment functions to a model, with the curves in the order of their levels.
 
     If there is a backbone, this function joins the fitted residual in its full size, also between
-    levels. Later, `cross_validation` chooses the factor by which it is reduced between levels.
+    levels. Later, `residual_share` chooses the factor by which it is reduced between levels.
     """
     backbone = result.backbone
     level = recipe.level

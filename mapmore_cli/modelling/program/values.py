@@ -227,6 +227,8 @@ def _places_by(conditions: Sequence[Test]) -> Places:
             if len(rows):
                 yield number, rows
                 left = left ^ mask
+                if not left.any():
+                    return
 
     return places
 

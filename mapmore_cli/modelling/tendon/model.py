@@ -82,7 +82,8 @@ def _of_muscle(equation: Equation) -> Equation:
     """Return an equation of the muscle in which its length and velocity have names of their own."""
 
     def renamed(text: str, underscore: str = "_") -> str:
-        return re.sub(r"\b(?=(length|velocity)\b)", f"muscle{underscore}", text)
+        # in LaTeX, an underscore inside a name is written as `\_`
+        return re.sub(r"\b(?=(length|velocity)\b(?!\\_))", f"muscle{underscore}", text)
 
     return replace(
         equation,
