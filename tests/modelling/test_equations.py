@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 from surfaces import built, curves
 
 from mapmore_cli.domain.fits import Scaling
@@ -122,9 +121,6 @@ def test_other_units_are_in_the_meanings():
     np.testing.assert_allclose(
         read(other.text, {"strain": 100 * x}), exact, atol=2 * STATED * np.ptp(exact)
     )
-
-
-sizes = st.floats(1e-6, 1e6)
 
 
 @pytest.mark.parametrize(

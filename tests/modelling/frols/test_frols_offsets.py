@@ -4,10 +4,10 @@ and ends nothing.
 
 import numpy as np
 import pytest
+from common import curve_of
 from textbook import frols_streamed
 
 from mapmore_cli.domain.fits import Scaling, SegmentFit
-from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
@@ -81,7 +81,7 @@ def test_inputs_far_from_zero_are_told_where_terms_keep_their_origin():
     x = np.linspace(0, 1, 50)
     x = (x - 0.5) / x.std()
     samples = {"far": -1.01e4 + x, "near": -0.99e4 + x, "alone": 1e6 + x, "still": np.full(50, 3.0)}
-    curve = Curve("a", None, samples, np.zeros(50, bool), ("a",))
+    curve = curve_of(samples)
     terms = ("1", "far", "far^2", "near", "near^2", "alone", "still", "still^2")
     names, ones = ("far",), np.ones(1)
     for rule, told in (("none", ["far"]), ("max_abs", ["far"]), ("unit_square", [])):
