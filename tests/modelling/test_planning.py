@@ -50,8 +50,8 @@ def test_a_fitted_process_is_likelier_than_its_neighbours():
             assert likelihood(other) < likelihood(start)
 
 
-def map_of(count=9):
-    x = np.random.default_rng(1).random((count, 2)) * [500.0, 0.25]
+def map_of():
+    x = np.random.default_rng(1).random((9, 2)) * [500.0, 0.25]
     x[:4] = [[0, 0], [500, 0], [0, 0.25], [500, 0.25]]
     return points.MeasuredMap(
         ("pressure", "strain"), x, x[:, 0] * (1 - 3 * x[:, 1]) + 100 * np.sin(20 * x[:, 1])

@@ -45,9 +45,9 @@ def setting_of(name):
     )
 
 
-def state_of(name, x, *numbers, step=STEP):
+def state_of(name, x, *numbers):
     """An operator along x, whose training range is one."""
-    return along(OPERATORS[name], x, Setting(numbers, step, (0.0, 1.0)))
+    return along(OPERATORS[name], x, Setting(numbers, STEP, (0.0, 1.0)))
 
 
 @pytest.mark.parametrize("name", OPERATORS)
