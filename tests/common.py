@@ -10,6 +10,7 @@ from dataclasses import replace
 from pkgutil import iter_modules
 
 import numpy as np
+import pytest
 
 from mapmore_cli.domain import plugins
 from mapmore_cli.domain.recording import Curve, Dataset, Quantity
@@ -18,6 +19,7 @@ from mapmore_cli.modelling.pieces.definition import pieces_program
 from mapmore_cli.modelling.program.values import evaluator
 
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
+needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="there is no Node here")
 NO_OCTAVE = "there is no Octave here (Debian's package octave), so MATLAB code is not run"
 
 

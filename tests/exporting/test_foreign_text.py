@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 import pytest
+from common import needs_node
 from export_samples import formula
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -138,7 +139,7 @@ def test_names_and_texts_of_a_stranger_are_names_and_texts(names, tmp_path):
 
 
 @needs_compiler
-@pytest.mark.parametrize("to", ["c", "fmu", "py"])
+@pytest.mark.parametrize("to", ["c", "fmu", "py", pytest.param("js", marks=needs_node)])
 def test_code_that_is_not_the_model_is_not_written(to, monkeypatch):
     model = formula("sarosi")
     run = verifying.simulate(model, verifying.points(model))

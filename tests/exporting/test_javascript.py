@@ -1,13 +1,13 @@
 """The module of JavaScript, in Node: every kind of model has the numbers of `predict`."""
 
 import json
-import shutil
 import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from agreement import difference, points, recording
+from common import needs_node
 from export_samples import FORMULAS, STATIC, WITH_MEMORY, pieces
 
 from mapmore_cli.annexes.exporting.exports import exported, snippet
@@ -31,7 +31,6 @@ SEVERAL = outputs_model(
 OUTPUTS = {f"one of several outputs: {one.output.name}": one for one in SEVERAL.each}
 WITHOUT_MEMORY = {**STATIC, **FORMULAS, "a kept shape": replace(SHAPED, shape=KEPT), **OUTPUTS}
 MODELS = {**WITHOUT_MEMORY, **WITH_MEMORY}
-needs_node = pytest.mark.skipif(shutil.which("node") is None, reason="there is no Node here")
 
 DRIVER = """
 import { readFileSync, writeFileSync } from "node:fs";
@@ -90,25 +89,6 @@ def test_derivatives_are_those_of_the_program(name, answers):
     for place, quantity in enumerate(MODELS[name].inputs):
         found, known = rows[:, 2 + place], expected[quantity.name]
         assert (not known.any() and not found.any()) or difference(found, known) < 1e-12
-
-
-@needs_node
-def test_a_wrong_module_is_not_written(monkeypatch):
-    """The exporter itself compares by Node."""
-    from mapmore_cli.annexes.exporting import javascript
-    from mapmore_cli.domain.errors import MapmoreError
-
-    other = javascript_module(pieces(z_s=0.1))
-    monkeypatch.setattr(javascript, "javascript_module", lambda _model: other)
-    with pytest.raises(MapmoreError, match="gives other values than the model, so it is not"):
-        exported(pieces(), "js")
-
-
-def test_without_node_it_is_written_with_a_warning(monkeypatch):
-    monkeypatch.setenv("PATH", "")
-    warnings = []
-    assert [*exported(pieces(), "js", warn=warnings.append)] == ["dmsp_20.mjs"]
-    assert "Node is not installed" in warnings[0]
 
 
 @needs_node

@@ -54,12 +54,14 @@ def test_a_function_of_matlab_by_octave(name, tmp_path):
     assert difference(by_octave(model, columns, tmp_path), predict(model, columns)) < 1e-12
 
 
-def test_a_function_of_matlab_without_octave(monkeypatch):
+@pytest.mark.parametrize(
+    ("to", "file", "program"), [("matlab", "dmsp_20.m", "Octave"), ("js", "dmsp_20.mjs", "Node")]
+)
+def test_code_that_no_program_here_runs_is_written_with_a_warning(to, file, program, monkeypatch):
     monkeypatch.setenv("PATH", "")
     warnings = []
-    (name,) = exported(pieces(), "matlab", warn=warnings.append)
-    assert name == "dmsp_20.m"
-    assert "Octave is not installed" in warnings[0]
+    assert [*exported(pieces(), to, warn=warnings.append)] == [file]
+    assert f"{program} is not installed" in warnings[0]
 
 
 def test_one_sample_and_a_sample_that_is_not_finite():

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 from surfaces import built, curves
 
 from mapmore_cli.domain.fits import Scaling
@@ -29,7 +28,7 @@ def read(text, columns):
     )
 
 
-def scaling_of(names, low, high, placement="left", y=(1.0, 0.0)):
+def scaling_of(names, low, high, placement, y):
     low, high = np.array(low, float), np.array(high, float)
     anchor = np.where(np.array(placement.split(",")) == "right", high, low)
     return Scaling(
@@ -73,7 +72,7 @@ def test_a_scaled_input_does_not_take_the_name_of_another():
 
 
 def test_constants_are_added_up():
-    scaling = scaling_of(("strain",), [0.0], [0.1], y=(100.0, 0.925396))
+    scaling = scaling_of(("strain",), [0.0], [0.1], "left", (100.0, 0.925396))
     found = equation(
         "a",
         ("1", "strain", "exp((strain - 1)/0.1)"),
@@ -122,9 +121,6 @@ def test_other_units_are_in_the_meanings():
     np.testing.assert_allclose(
         read(other.text, {"strain": 100 * x}), exact, atol=2 * STATED * np.ptp(exact)
     )
-
-
-sizes = st.floats(1e-6, 1e6)
 
 
 @pytest.mark.parametrize(

@@ -6,24 +6,10 @@ from math import inf
 import numpy as np
 import pytest
 
-from mapmore_cli.domain.fits import Identified, MemoryModel, StateSet
+from mapmore_cli.domain.fits import Identified, StateSet
 from mapmore_cli.domain.models import KeptShape, Shape
 
-STATES = StateSet(
-    ("u", "v"), 0.1, {}, {}, low=np.array([1.0, 3.0]), high=np.array([5.0, 3.0]), margin=0.1
-)
-UNSCALED = replace(STATES, low=np.empty(0), high=np.empty(0))
-
-
-def test_states_are_scaled_to_their_training_range():
-    """The state v was constant in training."""
-    model = MemoryModel("y", STATES, ("u",), np.ones(1), np.ones(1), 7.0, (0.0, 1.0))
-    scaling = model.scaling
-    assert (scaling.rule, scaling.y_slope, scaling.y_intercept) == ("range", 1, 7)
-    assert scaling.slope.tolist() == [0.25, 0]
-    assert (scaling.slope * STATES.high + scaling.intercept).tolist() == [1, 0]
-    plain = replace(model, states=UNSCALED).scaling
-    assert (plain.rule, plain.slope.tolist(), plain.intercept.tolist()) == ("none", [1, 1], [0, 0])
+STATES = StateSet(("u",), 0.1, {}, {}, low=np.empty(0), high=np.empty(0), margin=0.1)
 
 
 @pytest.mark.parametrize(("ordered", "longest"), [(False, 0.1), (True, inf)])
@@ -42,4 +28,6 @@ def test_a_shape_is_monotone_along_the_inputs_that_rise_or_fall():
     kept = tuple(KeptShape(name, word, 0.0, {}) for name, word in words.items())
     shape = Shape(kept, slack=0.05, beyond=0.1)
     assert shape.monotone == {"p", "s"}
-    assert shape.promise.startswith("increasing in p, decreasing in s, convex in x, positive over")
+    assert shape.promise.startswith(
+        "increasing in p, decreasing in s, convex in x, positive over the training range"
+    )

@@ -23,9 +23,9 @@ from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
 LEVELS = SimpleNamespace(of="pressure")
 
 
-def folds(levels, by_level=False, over_time=False, n=40, **segment):
+def folds(levels, by_level=False, n=40, **segment):
     dataset = Dataset("force", "pressure", QUANTITIES, (), tuple(curves(levels, (), n=n)))
-    choices = SimpleNamespace(over_time=over_time, levels=LEVELS, segment=segment)
+    choices = SimpleNamespace(over_time=False, levels=LEVELS, segment=segment)
     return folds_of(dataset, choices, "max", by_level)
 
 

@@ -180,4 +180,5 @@ def test_the_fewest_parameters_decide_where_they_are_limited():
 
 def test_no_plain_structure_is_taken_if_another_one_dominates_it():
     plain, better = outcome("simple", 18, 1.015, 1.015, 1.0), outcome("tables", 18, 1.01, 1.01, 1.0)
+    assert chosen_of(LONG, plain).found.words == "simple"
     assert chosen_of(LONG, plain, better).found.words == "longer"

@@ -284,3 +284,20 @@ def score(model, nrmse, split="validate", curve="all"):
         0.01,
         0.9,
     )
+
+
+class Recorder:
+    """Axes that remember every call."""
+
+    def __init__(self):
+        self.calls = []
+
+    def __getattr__(self, name):
+        def call(*args, **look):
+            self.calls.append((name, args, look))
+            return Recorder()
+
+        return call
+
+    def named(self, name):
+        return [(args, look) for called, args, look in self.calls if called == name]

@@ -3,7 +3,6 @@
 import json
 import math
 import re
-import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from common import needs_node
 from export_samples import STATIC, fused
 from report_builder import build
 from test_memory_report import report_of
@@ -61,7 +61,7 @@ def run_module(folder, text, *scripts):
     subprocess.run(["node", "run.js"], cwd=folder, check=True)
 
 
-@pytest.mark.skipif(shutil.which("node") is None, reason="there is no Node here")
+@needs_node
 def test_pieces_are_joined_as_python_joins_them(tmp_path):
     """Every transition and side, at and beyond the limits, with levels and two variables."""
     names = ["steps", "two variables", "shape between levels", "no levels", "backbone, shrunken"]
@@ -277,7 +277,7 @@ def test_what_lies_beyond_the_range_is_dashed_with_memory_too(opened):
     assert 2 in page.evaluate("window.dashes")
 
 
-@pytest.mark.skipif(shutil.which("node") is None, reason="there is no Node here")
+@needs_node
 def test_a_line_is_dashed_up_to_the_samples_within_the_range(tmp_path):
     text = """
         import { writeFileSync } from "node:fs";

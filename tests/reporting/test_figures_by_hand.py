@@ -8,6 +8,7 @@ import pytest
 from common import curve_of
 from export_samples import FORMULAS
 from matplotlib.colors import to_rgb
+from report_builder import Recorder
 
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import ErrorBand
@@ -27,23 +28,6 @@ from mapmore_cli.reporting.figures import (
     terms,
 )
 from mapmore_cli.reporting.inputs import FigureStyle
-
-
-class Recorder:
-    """Axes that remember every call."""
-
-    def __init__(self):
-        self.calls = []
-
-    def __getattr__(self, name):
-        def call(*args, **look):
-            self.calls.append((name, args, look))
-            return Recorder()
-
-        return call
-
-    def named(self, name):
-        return [(args, look) for called, args, look in self.calls if called == name]
 
 
 def calls_of(panel, axes=1):

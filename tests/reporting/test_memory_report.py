@@ -33,7 +33,7 @@ QUANTITIES = {
 }
 
 
-def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
+def report_of(dictionary, *, ridge=0.0, scale=False, free_run=False):
     """A muscle that lags behind its pressure; the later part of the record is held out."""
     n = 590
     time = np.arange(n) * STEP
@@ -44,7 +44,7 @@ def report_of(dictionary, *, ridge=0.0, scale=False, held=0.5, free_run=False):
     motion += np.random.default_rng(1).normal(0, 0.01, n)
     columns = {"time": time, "load": np.full(n, 5.0), "pressure": pressure, "motion": motion}
     curve = Curve(
-        "a", None, columns, time > (1 - held) * time[-1], ("a",), None, np.zeros(n, dtype=np.int64)
+        "a", None, columns, time > time[-1] / 2, ("a",), None, np.zeros(n, dtype=np.int64)
     )
     dataset = Dataset(
         "motion", None, QUANTITIES, (Recording("a", "a.csv", columns, n, {}),), (curve,)

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from common import curve_of
+from report_builder import Recorder
 
 from mapmore_cli.reporting.figures import fit, panels, sketched, style
 from mapmore_cli.reporting.inputs import ReportInputs
@@ -219,35 +220,19 @@ def test_plateaus_reach_from_the_first_to_the_last_sample_at_rest():
     assert fit._plateaus(replace(curve, at_rest=None)) == []
 
 
-class Recorder:
-    """Axes that remember what is drawn on them."""
-
-    def __init__(self):
-        self.drawn = []
-
-    def axvspan(self, low, high, label, **_):
-        self.drawn.append(("span", low, high, label))
-
-    def axhline(self, y, **_):
-        self.drawn.append(("zero", y))
-
-    def plot(self, x, y, *_, label, **_look):
-        self.drawn.append(("none", x, y, label))
-
-
 @pytest.mark.parametrize("timed", [False, True])
 def test_a_fit_has_measured_samples_and_lines_above_and_errors_below(timed, monkeypatch):
     for name in ("draw_line", "draw_trace", "draw_band", "draw_dots"):
         monkeypatch.setattr(
             panels, name,
-            lambda ax, x, y, *, label, name=name, sets_scale=True, **look: ax.drawn.append(
+            lambda ax, x, y, *, label, name=name, sets_scale=True, **look: ax.calls.append(
                 (name, x.tolist(), np.nan_to_num(y, nan=-1).tolist(), label, sets_scale,
                  look.get("markerfacecolor"))
             ),
         )  # fmt: skip
     monkeypatch.setattr(
         panels, "shade_between",
-        lambda ax, _x, ends, _colour, label: ax.drawn.append(("band", *map(list, ends), label)),
+        lambda ax, _x, ends, _colour, label: ax.calls.append(("band", *map(list, ends), label)),
     )  # fmt: skip
     x, y, own = np.array([0.0, 1, 2]), np.array([5.0, 6, 7]), np.array([5.5, 6, 6])
     models = {"mapmore": own, "far": 9 * y, "failed": np.full(3, np.nan)}
@@ -268,9 +253,11 @@ def test_a_fit_has_measured_samples_and_lines_above_and_errors_below(timed, monk
             ("draw_dots", [1], [6], "held out", True, style.BLACK),
             ("draw_dots", [0, 2], [5, 7], "training", True, "none"),
         ]
-    span = ("span", 0.5, 1.5, "plateau" if timed else "")
-    failed = ("none", [], [], "failed (failed)")
-    assert top.drawn == [
+    shade = {"color": style.SHADE, "zorder": -1, "linewidth": 0}
+    span = ("axvspan", (0.5, 1.5), shade | {"label": "plateau" if timed else ""})
+    look = {"color": drawn.looks["failed"].colour, "label": "failed (failed)"}
+    failed = ("plot", ([], [], "x"), look)
+    assert top.calls == [
         *measured,
         (line, [0, 1, 2], [5.5, 6, 6], "mapmore", True, None),
         (line, [0, 1, 2], [45, 54, 63], "far", False, None),
@@ -278,8 +265,8 @@ def test_a_fit_has_measured_samples_and_lines_above_and_errors_below(timed, monk
         ("band", [4.5, 5, 5], [7.5, 8, 8], "95% interval"),
         span,
     ]
-    assert bottom.drawn == [
-        ("zero", 0),
+    assert bottom.calls == [
+        ("axhline", (0,), {"color": style.GREY, "linewidth": 0.5, "zorder": 0}),
         (line, [0, 1, 2], [0.5, 0, -1], "mapmore", True, None),
         (line, [0, 1, 2], [40, 48, 56], "far", False, None),
         failed,

@@ -151,14 +151,14 @@ class TestData:
 
 class TestModel:
     def test_parameters_have_the_interval_of_student(self, inputs):
-        validation = replace(inputs.validation, formulas={"sarosi": formula_fit("sarosi", 2.0)})
+        validation = replace(inputs.validation, formulas={"sarosi": formula_fit("sarosi")})
         (row,) = formulas_table(replace(inputs, validation=validation)).rows
         reach = student.ppf(0.975, 50 - 1) * 0.1
         assert row[3:5] == ("a", 1.0)
         assert row[6:9] == pytest.approx((0.1, 1.0 - reach, 1.0 + reach))
 
     def test_the_formula_of_the_model_comes_before_those_of_competitors(self, inputs):
-        fits = {name: formula_fit(name, 2.0) for name in ("sarosi", "kothera")}
+        fits = {name: formula_fit(name) for name in ("sarosi", "kothera")}
         validation = replace(inputs.validation, formulas={"kothera": fits["kothera"]})
         study = replace(inputs, fit=FitResult(fits["sarosi"]), validation=validation)
         alone = replace(study, model=of_pieces(inputs.model, curves=()))
@@ -176,13 +176,13 @@ class TestModel:
         assert column(table, "strain to") == pytest.approx([x.max() for x in strains])
 
 
-def formula_fit(name, sse, status="converged", **others):
-    return FormulaFit(name, {"a": 1.0}, {"a": 0.1}, status, "-", 1, 1.0, sse, 50, **others)
+def formula_fit(name, sse=2.0, **others):
+    return FormulaFit(name, {"a": 1.0}, {"a": 0.1}, "converged", "-", 1, 1.0, sse, 50, **others)
 
 
 def test_another_minimum_has_the_ratio_of_its_error():
     other = Optimum({"a": -2.5}, 4.5)
-    (sentence,) = rival_minima("own", formula_fit("sarosi", 2.0, rivals=(other,)))
+    (sentence,) = rival_minima("own", formula_fit("sarosi", rivals=(other,)))
     assert sentence == "own: another minimum, a = -2.5, has 1.5 times its training error"
 
 
@@ -195,18 +195,18 @@ def test_formulas_that_are_one_model_are_named_once_each_pair():
     fit = formula_fit
     same = same_models(
         [
-            ("tondu_lopez", fit("tondu_lopez", 2.0)),
+            ("tondu_lopez", fit("tondu_lopez")),
             ("chou_hannaford", fit("chou_hannaford", 2.0 + 1e-10)),
         ]
     )
     assert len(same) == 1
     assert "tondu_lopez and chou_hannaford are one model here" in same[0]
-    assert same_models([("a", fit("a", 2.0)), ("b", fit("b", 2.001))]) == ()
+    assert same_models([("a", fit("a")), ("b", fit("b", 2.001))]) == ()
     assert (
         same_models([("a", fit("a", 0.0)), ("b", fit("b", 0.0))]) == ()
     )  # nothing is left of both
     # one formula, fitted in two ways
-    assert same_models([("a", fit("a", 2.0)), ("a again", fit("a", 2.0))]) == ()
+    assert same_models([("a", fit("a")), ("a again", fit("a", 2.0))]) == ()
 
 
 BEST = "the best competitor (Sárosi) reaches"

@@ -152,8 +152,6 @@ def test_without_a_tolerance_a_term_of_a_ten_thousandth_is_the_last():
     for share, terms in ((3e-4, 2), (3e-5, 1)):
         found = model.fit(columns, columns @ [1, np.sqrt(share), 0])
         assert len(found.terms_) == terms
-    usual = {"order": 2, "max_terms": None, "tolerance": None, "stop": None, "constant": True}
-    assert mm.FROLS().get_params() == usual
 
 
 def test_settings_are_shown_where_they_are_not_the_usual_ones():

@@ -4,14 +4,13 @@ and ends nothing.
 
 import numpy as np
 import pytest
+from common import curve_of
 from textbook import frols_streamed
 
 from mapmore_cli.domain.fits import Scaling, SegmentFit
-from mapmore_cli.domain.recording import Curve
-from mapmore_cli.domain.results import FitResult, PiecesFit
 from mapmore_cli.modelling.frols import frols
 from mapmore_cli.modelling.frols.moments import blocks_of_rows
-from mapmore_cli.modelling.frols.offsets import constant_alone, far_from_zero
+from mapmore_cli.modelling.frols.offsets import far_from_zero
 
 X = np.linspace(0, 1, 4000)
 P = np.column_stack([X**0, X, X**2, np.cos(9 * X)])
@@ -81,22 +80,10 @@ def test_inputs_far_from_zero_are_told_where_terms_keep_their_origin():
     x = np.linspace(0, 1, 50)
     x = (x - 0.5) / x.std()
     samples = {"far": -1.01e4 + x, "near": -0.99e4 + x, "alone": 1e6 + x, "still": np.full(50, 3.0)}
-    curve = Curve("a", None, samples, np.zeros(50, bool), ("a",))
+    curve = curve_of(samples)
     terms = ("1", "far", "far^2", "near", "near^2", "alone", "still", "still^2")
     names, ones = ("far",), np.ones(1)
     for rule, told in (("none", ["far"]), ("max_abs", ["far"]), ("unit_square", [])):
         scaling = Scaling(rule, "-", names, ones, 0 * ones, 1.0, 0.0)
         piece = SegmentFit("a/a", "a", (), terms, scaling, frols(P, X, 1))
         assert [note.split()[3] for note in far_from_zero([piece], [curve])] == told
-
-
-def test_a_constant_that_is_the_model_is_told_with_the_worst_of_its_segments():
-    scaling = Scaling("none", "-", ("x",), np.ones(1), np.zeros(1), 1.0, 0.0)
-
-    def fit(y, column):
-        return SegmentFit("a/a", "a", (), ("1", "x"), scaling, frols(P[:, [0, column]], y, 1))
-
-    steady, varying = fit(10 + X, 1), fit(1 + 0.5 * X, 1)
-    (note,) = constant_alone(FitResult(PiecesFit((steady, varying))))
-    assert f"all but {varying.selection.sse / varying.selection.yy:.2g} of the sum" in note
-    assert constant_alone(FitResult(PiecesFit((steady, fit(X, 1))))) == []

@@ -90,8 +90,6 @@ def test_a_ridge_prunes_three_times_as_many_terms_as_it_keeps_unless_a_number_is
     terms = [Fit(max_terms=4, ridge=1e-9, forward=one).forward_terms for one in (None, 30, 2)]
     assert terms == [12, 30, 4]
     assert (Fit().known_scale, Fit(loss="huber", scale=2.0).known_scale) == (None, 2.0)
-    usual = Fit()
-    assert (usual.max_terms, usual.tolerance, usual.margin, usual.slack) == (1, 1e-4, 0.15, 0.05)
     for useless in ({"ridge": 0.9e-9}, {"scale": 2.0}, {"slack": 0.1}, {"beyond": 0.1}):
         with pytest.raises(Contradiction):
             Fit(**useless)

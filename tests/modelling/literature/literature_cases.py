@@ -111,11 +111,11 @@ def slack_muscle(seed, strains, rows=400):
     ) - 5.0 + rng.standard_normal(rows)
 
 
-def noisy_wrist(seed, noise=5.0, rows=300):
-    """Scattered points of W's muscle with sensor noise."""
+def noisy_wrist(seed, rows=300):
+    """Scattered points of W's muscle with sensor noise of 5 N."""
     rng = np.random.default_rng(seed)
     columns = {"pressure": rng.uniform(1, 7, rows), "strain": rng.uniform(0, 0.2, rows)}
-    return columns, wrist_force(columns) + noise * rng.standard_normal(rows)
+    return columns, wrist_force(columns) + 5.0 * rng.standard_normal(rows)
 
 
 def motion(seed, rows=400):

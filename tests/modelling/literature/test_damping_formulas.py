@@ -9,7 +9,6 @@ from literature_cases import DAMPING, PLANTED, motion, noisy
 from mapmore_cli.modelling.literature import get
 
 DAMPED = [name for name in PLANTED if name in DAMPING]
-BY_REGION = ["reynolds", "cao"]
 WAYS = ("rise", "fall")
 
 

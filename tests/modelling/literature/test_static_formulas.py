@@ -4,7 +4,6 @@ bound are named, many samples are quick.
 
 import numpy as np
 import pytest
-from common import rows_of
 from literature_cases import WRIST, grid, noisy, scattered, wrist_force
 from scipy.optimize import brentq
 
@@ -103,28 +102,19 @@ def test_forces_are_those_that_are_published(name, parameters, force):
 
 
 @pytest.mark.parametrize(
-    ("name", "parameter", "low", "high"),
-    rows_of("""
-bolen        k1     0.01  50
-bolen        k2     0.01  10000
-bolen_10mm   e620   0.01  1
-kerscher     theta  0.08726646  1.48352986
-kerscher     a_k    0.01  100
-kerscher     b_k    -10   -0.01
-sarosi       a3     -50   -0.001
-muscle_like  b0     -10   10
-peternel     B4     0.001  10
-hill         l_opt  0.1   10
-hill         w      0.05  20
-hill         v_max  1     100
-hill         kappa  0.1   20
-hill         N      1     3
-"""),
+    ("name", "parameter", "limits"),
+    [
+        ("bolen", "k1", (0.01, 50)),
+        ("kerscher", "theta", (np.radians(5), np.radians(85))),
+        ("hill", "v_max", (1, 100)),
+        ("hill", "kappa", (0.1, 20)),
+        ("hill", "N", (1, 3)),
+    ],
 )
-def test_limits_of_a_search(name, parameter, low, high):
-    """In multiples of the largest input, or of its reciprocal; angles are in radians."""
+def test_limits_of_a_search(name, parameter, limits):
+    """In multiples of the largest input, or of its reciprocal, for numbers that often end there."""
     (bounds,) = (one.bounds for one in get(name).nonlinear if one.name == parameter)
-    assert bounds == pytest.approx((float(low), float(high)), rel=1e-6)
+    assert bounds == pytest.approx(limits)
 
 
 @pytest.mark.parametrize(

@@ -78,13 +78,3 @@ def slow(x, tau, step):
 def resonance(x, frequency, damping, step):
     """Position of the oscillator that x drives."""
     return along(OPERATORS["resonance"], x, Setting((frequency, damping), step))
-
-
-def rmse(measured, predicted):
-    """`sqrt(mean (y - yhat)^2)` over the samples with a prediction."""
-    return float(np.sqrt(np.nanmean((predicted - measured) ** 2)))
-
-
-def nrmse_by_range(measured, predicted):
-    """RMSE over the range of the measured values among the samples with a prediction."""
-    return rmse(measured, predicted) / float(np.ptp(measured[np.isfinite(predicted)]))

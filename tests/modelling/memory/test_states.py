@@ -92,7 +92,6 @@ def test_the_resonance_of_a_recording_is_found(frequency, damping):
 
 
 REFUSED = [
-    ("resonance(x)", {"step": 1.0}, "with 1 s between samples, no resonance can be found"),
     ("x[k-99]", {"scaling": "range"}, r"`x\[k-99\]` has no value on any training sample"),
     *((name, {}, "no column `z`") for name in ("z", "slow(z, 1)", "play(z, 0.1)")),
 ]

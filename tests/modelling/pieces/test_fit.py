@@ -16,7 +16,7 @@ from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
 from mapmore_cli.modelling.frols.weighing import Choice
 from mapmore_cli.modelling.pieces.build import segment
-from mapmore_cli.modelling.pieces.placement import end_of_trend, placements
+from mapmore_cli.modelling.pieces.placement import end_of_trend
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.segment_fit import fit_together
 from mapmore_cli.modelling.pieces.segmentation import scaled_inputs
@@ -28,10 +28,6 @@ def falling(seed):
     rng = np.random.default_rng(seed)
     x = np.sort(rng.uniform(0.02, 0.1, 60))
     return x, 700 * np.exp(-x / 0.05) - 50 + rng.normal(0, 2, 60)
-
-
-def placed(x, y):
-    return placements("unit_square", [x], y, ["x"])
 
 
 @given(seeds)
@@ -98,10 +94,6 @@ def fitted(x, y, sigma=None, **settings):
     scaled = scaled_inputs(found.scaling, {"strain": PLACES})
     P = dictionary_matrix([parse(term) for term in found.terms], scaled, len(PLACES))
     return found.scaling.y_intercept + found.scaling.y_slope * (P @ found.selection.theta)
-
-
-def rms(errors):
-    return float(np.sqrt(np.mean(errors**2)))
 
 
 @pytest.mark.parametrize("scaling", ["unit_square", "max_abs", "none"])

@@ -116,7 +116,7 @@ TWO_CUTS = st.tuples(
 )
 
 
-@settings(max_examples=100)
+@settings(max_examples=40)
 @given(seeds, ways, ONE_CUT | TWO_CUTS)
 def test_agrees_with_the_sum_over_all_segments(seed, way, made):
     rng = np.random.default_rng(seed)

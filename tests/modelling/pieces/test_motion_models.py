@@ -13,7 +13,6 @@ from mapmore_cli.modelling.kinds import equations as model_equations
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import CutByDirection
-from mapmore_cli.modelling.pieces.segmentation import trained_at
 from mapmore_cli.modelling.signals.plateau import damping_component
 
 QUANTITIES = {
@@ -65,15 +64,6 @@ def test_each_direction_has_terms_of_its_own():
 def test_a_direction_that_never_occurs_is_refused():
     with pytest.raises(DataError, match="direction=fall"):
         built([curve(350.0, direction=np.ones(400))], None, "strain_rate")
-
-
-def test_one_level_trains_the_pieces():
-    """`highest` is the highest that trains: 350 kPa is held out here."""
-    curves = [curve(p, damping=np.full(400, p)) for p in (80.0, 150.0, 350.0)]
-    held = replace(curves[2], held_out=np.ones(400, bool))
-    for given_curves, at, value in (([*curves[:2], held], "highest", 150.0), (curves, 80.0, 80.0)):
-        model = built(trained_at(given_curves, at), None, "1")
-        assert np.allclose(predict(model, curves[0].columns), value)
 
 
 def test_the_plateau_never_trains():

@@ -89,11 +89,10 @@ def test_which_curves_train():
     assert [one.id for one in training_curves([low, unseen, high], True)] == ["1.0", "2.0"]
     assert training_curves([unseen], False) == (unseen,)
     assert trained_at([low, high], "all") == (low, high)
-    for level in ("highest", 2.0):
-        rest, trained, other = trained_at([low, high, unseen], level)
-        assert trained is high
-        assert rest.at_rest.all()
-        assert other.at_rest.all()
+    for level, place in (("highest", 1), (1.0, 0)):
+        *given, _ = found = trained_at([low, high, unseen], level)
+        assert given.pop(place) is (low, high)[place]
+        assert all(one.at_rest.all() for one in (*given, found[-1]))
     pooled = replace(low, at_rest=np.array([1, 0, 0], dtype=bool)), unseen, low
     (whole,) = training_curves(pooled, False)
     assert (whole.id, whole.level, whole.recordings) == ("all", None, ("1.0", "3.0"))

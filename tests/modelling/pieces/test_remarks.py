@@ -11,7 +11,7 @@ from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.remarks import exploding_curves
 
 
-def notes(extrapolation, order=2, made=None):
+def notes(extrapolation, order, made):
     asked = recipe(
         dictionary=tuple(f"strain^{power}" for power in range(1, order + 1)),
         cuts={"strain": Cuts("even", 1)},
@@ -19,7 +19,7 @@ def notes(extrapolation, order=2, made=None):
         tolerance=0.0,
         extrapolation=extrapolation,
     )
-    return " ".join(build("a", made or curves(), asked, QUANTITIES).notes)
+    return " ".join(build("a", made, asked, QUANTITIES).notes)
 
 
 def wriggling():

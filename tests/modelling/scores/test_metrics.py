@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from mapmore_cli.domain import arrays
 from mapmore_cli.domain.arrays import extremes
-from mapmore_cli.domain.recording import Curve
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import MEASURES, OF_TARGET
 from mapmore_cli.modelling.validation import metrics
@@ -87,17 +86,13 @@ def test_headings_name_the_unit_and_a_limit_is_on_the_better_side():
 
 def test_rows_are_of_splits_curves_directions_and_groups():
     """Numbers that were fitted count in the row of all training samples alone."""
-    nothing, ways = np.zeros(6, dtype=bool), np.array([1.0, 1, -1, -1, 1, -1])
+    ways = np.array([1.0, 1, -1, -1, 1, -1])
     first = {"force": np.arange(6.0), "direction": ways, "day": np.array([1.0, 2, 1, 2, 1, 2])}
     first["force_uncertainty"] = np.ones(6)
     second = {name: x[:3] for name, x in first.items()}
-    curves = (
-        Curve("b", None, first, np.arange(6) == 5, ("b",)),
-        Curve("a", None, second, nothing[:3], ("a",)),
-    )
+    curves = (curve_of(first, np.arange(6) == 5, "b"), curve_of(second))
     given = replace(forces(np.zeros(1)), curves=curves)
-    ready = ~nothing
-    ready[0] = False
+    ready = np.arange(6) > 0
     errors = np.array([9.0, 1, -2, 3, 4, -5])
     said = [Forecast(first["force"] + errors, ready), Forecast.of(second["force"] + 1)]
     scale = metrics.divisor(given, "max")
@@ -166,7 +161,7 @@ PLACE = np.linspace(0, 2 * np.pi * CYCLES, len(X), endpoint=False)
 
 def of(error, held=CYCLE >= CYCLES // 2, parts=(slice(None),)):
     curves = [
-        Curve(f"r{n}", None, {"x": X[rows], "y": np.zeros(len(X[rows]))}, held[rows], (f"r{n}",))
+        curve_of({"x": X[rows], "y": np.zeros(len(X[rows]))}, held[rows], f"r{n}")
         for n, rows in enumerate(parts)
     ]
     return error_parts(

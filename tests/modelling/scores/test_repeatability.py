@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from common import curve_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -177,8 +178,8 @@ def record(cycles, drift=0.0, cuts=(), name="a"):
         [f"{name}#{number}" for number in range(1, len(parts) + 1)] if len(parts) > 1 else [name]
     )
     return [
-        Curve(n, None, {k: v[rows] for k, v in columns.items()}, held[rows], (n,))
-        for n, rows in zip(names, parts, strict=True)
+        curve_of({key: values[rows] for key, values in columns.items()}, held[rows], log)
+        for log, rows in zip(names, parts, strict=True)
     ]
 
 

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from common import curve_of
 from common import dataset_of as dataset_of_columns
 from surfaces import QUANTITIES, built, changed, curves, recipe
 
@@ -119,7 +120,7 @@ def test_the_share_of_an_input_is_its_uncertainty_times_the_slope():
     x = np.linspace(0.0, 1.0, 50)
     y = 1 + 10 * x + np.random.default_rng(0).normal(0, 2, 50)
     columns = {"strain": x, "force": y, uncertainty_of("strain"): np.full(50, 0.5)}
-    made = (Curve("a", None, columns, np.zeros(50, dtype=bool), ("a",)),)
+    made = (curve_of(columns),)
     names = {**QUANTITIES, uncertainty_of("strain"): QUANTITIES["strain"]}
     asked = {"level": None, "cuts": {}, "dictionary": ("1", "strain"), "max_terms": 2}
     model = built(made, **asked, tolerance=0.0, extrapolation={"strain": ("straight", "straight")})

@@ -14,10 +14,6 @@ def written(family, **settings):
     return terms_of([DictionaryEntry.model_validate({family: settings})])
 
 
-def spline(knots, partners=()):
-    return written("spline", of="strain", knots=knots, **{"with": list(partners)})
-
-
 def ends(widths, partners=()):
     return written("ends", of="strain", widths=widths, **{"with": list(partners)})
 
@@ -28,7 +24,8 @@ def along(texts, low, high, name="strain"):
 
 
 def test_on_a_unit_range_terms_are_short():
-    assert along(spline(3, ["pressure"]), 0, 1) == (
+    spline = written("spline", of="strain", knots=3, **{"with": ["pressure"]})
+    assert along(spline, 0, 1) == (
         *("1", "strain", "strain^2", "strain^3", *KNOTTED, "pressure"),
         *(f"pressure*{text}" for text in ("strain", "strain^2", "strain^3", *KNOTTED)),
     )
