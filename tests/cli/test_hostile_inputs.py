@@ -22,7 +22,6 @@ from mapmore_cli.domain.foreign import csv_cell, printable
 from mapmore_cli.ingestion.globs import expand
 from mapmore_cli.storage.outputs import write_text, written_as_text
 from mapmore_cli.storage.readers import READERS, TableRequest
-from mapmore_cli.storage.tables import reading
 from mapmore_cli.storage.tables.lines import lines_of
 
 
@@ -193,17 +192,6 @@ def test_recordings_do_not_lead_into_other_files(reader, tmp_path):
         file["run/x"] = h5py.ExternalLink(str(tmp_path / "other.h5"), "x")
     with pytest.raises(DataError, match="'run/x' is a link to another file"):
         READERS[reader].read(path, request)
-
-
-def test_whatever_a_library_raises_on_damage_is_wrong_data():
-    """SciPy reads a variable before it has a value; a name that nobody knows is a fault of ours."""
-    with (
-        pytest.raises(DataError, match="a\\.mat: the file is damaged"),
-        reading("a.mat", "MAT file"),
-    ):
-        raise UnboundLocalError("arr")
-    with pytest.raises(NameError), reading("a.mat", "MAT file"):
-        raise NameError("arr")
 
 
 @pytest.fixture

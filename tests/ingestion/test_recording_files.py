@@ -120,9 +120,8 @@ def test_ids_are_as_short_as_unique_names_allow(paths):
 
 def test_globs_that_lead_through_a_whole_computer(tree, monkeypatch):
     deep = "../*/*.csv"
-    for most in (20_000, 3):
-        monkeypatch.setattr("mapmore_cli.ingestion.globs.MOST_FOLDERS", most)
-        assert len(find_sources([deep], tree)) == 4
+    monkeypatch.setattr("mapmore_cli.ingestion.globs.MOST_FOLDERS", 3)
+    assert len(find_sources([deep], tree)) == 4
     monkeypatch.setattr("mapmore_cli.ingestion.globs.MOST_FOLDERS", 2)
     for pattern in (deep, "../**/*.csv"):
         with refused(f"{pattern}: matches paths through more than 2 folders", "`measured/*/*.csv`"):

@@ -430,9 +430,3 @@ def test_the_record_of_a_run_is_removed_last(tmp_path, monkeypatch, now):
     monkeypatch.setattr(ownership, "to_trash", lambda _folder, paths: gone.extend(paths))
     ownership.remove_own(tmp_path, ["run.json", "z", ".lock", "a"], now)
     assert gone == ["a", "z", "run.json"]
-
-
-def test_a_packed_text_does_not_say_when_it_was_written(tmp_path):
-    with written_as_text(tmp_path / "a.gz") as file:
-        file.write("x")
-    assert (tmp_path / "a.gz").read_bytes()[4:8] == bytes(4)
