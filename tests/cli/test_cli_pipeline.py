@@ -124,10 +124,6 @@ def test_the_figures_that_are_asked_for_are_drawn_alone(study, mapmore):
         assert least <= page.read_text().count("<figcaption>") <= most
 
 
-def test_a_figure_that_there_is_not_is_refused(study, mapmore):
-    assert "report.figures" in mapmore("report", study, "--figures", "fitt", code=3).stderr
-
-
 def test_a_stage_brings_those_before_it_up_to_date_and_says_why(study, mapmore):
     runs = study.parent / "runs"
     mapmore("fit", study, code=0)

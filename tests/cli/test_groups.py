@@ -41,7 +41,7 @@ def rows(document, folder, split):
 
 def test_each_group_is_scored_and_predicted_as_by_a_run_without_it(campaign, document):
     left_out = rows(document, campaign, "  split: {leave_one_group_out: true}")
-    for specimen in (1, 2, 3):
+    for specimen in (2, 3):
         held_out = rows(document, campaign, f"  split: {{validate: {{specimen: [{specimen}]}}}}")
         assert held_out["validate", "all"]["rmse"] == pytest.approx(
             held_out["validate", f"specimen={specimen}"]["rmse"]

@@ -19,37 +19,8 @@ from common import process
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.foreign import csv_cell, printable
-from mapmore_cli.ingestion.globs import expand
 from mapmore_cli.storage.outputs import write_text, written_as_text
 from mapmore_cli.storage.readers import READERS, TableRequest
-from mapmore_cli.storage.tables.lines import lines_of
-
-
-def test_a_file_without_an_end_is_refused():
-    with pytest.raises(DataError, match="row 1: is longer"):
-        list(lines_of(Path("/dev/zero")))
-
-
-def test_links_in_a_circle_give_each_recording_once(tmp_path):
-    inner = tmp_path / "data" / "2026"
-    inner.mkdir(parents=True)
-    (inner / "a.csv").write_text("x\n1\n")
-    (inner / "up").symlink_to(tmp_path / "data")
-    (inner / "self").symlink_to(inner)
-    assert expand("data/**/*.csv", tmp_path) == [inner / "a.csv"]
-    assert expand("**/a.csv", tmp_path) == [inner / "a.csv"]
-
-
-def test_links_that_lead_nowhere_and_pipes_are_told(tmp_path):
-    (tmp_path / "a.csv").write_text("x\n1\n")
-    (tmp_path / "b.csv").symlink_to(tmp_path / "gone.csv")
-    with pytest.raises(DataError, match=r"b\.csv: is a link to a file that does not exist"):
-        expand("*.csv", tmp_path)
-    (tmp_path / "b.csv").unlink()
-    os.mkfifo(tmp_path / "b.csv")
-    for pattern in ("*.csv", "b.csv"):
-        with pytest.raises(DataError, match=r"b\.csv: is not a regular file"):
-            expand(pattern, tmp_path)
 
 
 def test_a_pipe_is_written_into_and_not_replaced(tmp_path):

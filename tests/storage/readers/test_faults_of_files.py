@@ -2,7 +2,6 @@
 cannot occur in its files.
 """
 
-import gzip
 import io
 import json
 import struct
@@ -433,12 +432,3 @@ def test_a_megabyte_of_blank_lines_is_counted_and_not_cut(tmp_path, monkeypatch)
     (table,) = READERS["csv"].read(path, TableRequest("log", ("F",)))
     assert table.rows.tolist() == [2, 100_003]
     assert len(cut) < 100_000
-
-
-def test_a_small_packed_text_of_millions_of_lines_is_refused(tmp_path):
-    """Each of them is too short, and would be read by itself."""
-    path = tmp_path / "a.csv"
-    path.write_bytes(gzip.compress(b"t,F\n" + b"1\n" * 4_000_000))
-    assert path.stat().st_size < 10_000
-    with refused("a", "unpacks from"):
-        READERS["csv"].read(path, TableRequest("a", ("F",), incomplete=True))
