@@ -19,7 +19,6 @@ from mapmore_cli.storage.tables.cells import holds_number
 
 N = 240
 T = 0.1 * np.arange(N)
-LONG = 0.1 * np.arange(4 * N)
 SAID = {"target": "F", "inputs": "P"}
 
 
