@@ -6,11 +6,11 @@ from cli_samples import write_recording, write_study
 LEVELS = (100, 200, 300, 400, 500, 600)
 
 
-def write_bench(folder, held_out=(300,)):
+def write_bench(folder):
     """Six pressures; the force is straight on both sides of a kink in the middle, slightly
     noisy.
     """
-    spec = write_study(folder, levels=LEVELS, held_out=held_out)
+    spec = write_study(folder, levels=LEVELS, held_out=(300,))
     spec.write_text(spec.read_text() + "fit: {max_terms: 2}\n")
     rng, strain = np.random.default_rng(5), np.linspace(0.0, 0.2, 40)
     for level in LEVELS:

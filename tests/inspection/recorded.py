@@ -23,16 +23,12 @@ def write(
     columns,
     head=None,
     mark=",",
-    point=".",
 ):
     """Write columns as text, under their names or under `head`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     titles = mark.join(columns) + "\n" if isinstance(columns, Mapping) else ""
     values = np.broadcast_arrays(*(columns.values() if isinstance(columns, Mapping) else columns))
-    rows = [
-        mark.join(f"{value:.10g}".replace(".", point) for value in row)
-        for row in zip(*values, strict=True)
-    ]
+    rows = [mark.join(f"{value:.10g}" for value in row) for row in zip(*values, strict=True)]
     path.write_text((titles if head is None else head) + "\n".join(rows) + "\n")
 
 

@@ -80,9 +80,9 @@ def test_signals_that_are_one_up_to_a_factor():
         assert issue[:2] == (severity, "same-signal")
 
 
-def saturated(at_end, of_another, size=1000, low=0.0, end=9.0):
-    values = np.linspace(low, end - 0.5, size)
-    values[:at_end], values[at_end : at_end + of_another] = end, low
+def saturated(at_end, of_another):
+    values = np.linspace(0.0, 8.5, 1000)
+    values[:at_end], values[at_end : at_end + of_another] = 9.0, 0.0
     return values
 
 

@@ -41,8 +41,8 @@ def test_suffixes_of_compression_are_left_out():
     assert [*map(name_of_packed, names)] == [*["a.csv"] * 4, "gz.csv", "a.gz.csv"]
 
 
-def lines_of(data, packed=None, encoding="utf-8"):
-    return Lines(io.BytesIO(data), encoding, "surrogateescape", "a.csv", packed)
+def lines_of(data):
+    return Lines(io.BytesIO(data), "utf-8", "surrogateescape", "a.csv", None)
 
 
 @pytest.mark.parametrize("chunk", [1, 2, 3, 100])
