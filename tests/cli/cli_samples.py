@@ -22,6 +22,13 @@ BEGINS = (["example", "muscle"], ["run", "muscle/study.yaml", "-q"])
 """Commands with which most pages begin: they are done once for all tests."""
 
 
+BAR, EPS = (
+    grid.ravel()
+    for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 25), indexing="ij")
+)
+"""Pressures in bar and strains of a grid."""
+
+
 SPEC = """\
 schema_version: 1
 name: {name}

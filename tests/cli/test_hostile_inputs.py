@@ -198,10 +198,6 @@ def packed(folder):
     )
 
 
-def named(folder):
-    (folder / "a\n.csv").write_text("P,eps,F\n1,2,3\n")
-
-
 SPEC = """\
 name: a
 data: {files: ["a*"], reader: READER, columns: {pressure: {column: P, unit: kPa},
@@ -217,7 +213,6 @@ dictionary: [{terms: [strain]}]
         (endless, "csv", "a.csv: is empty"),
         (unpacking, "hdf5", "MB to 1440 MB"),
         pytest.param(packed, "mat", "unpacks from 0.", marks=pytest.mark.long),
-        (named, "csv", "must be one line of valid text"),
     ],
 )
 def test_a_small_file_takes_little_memory(make, reader, words, tmp_path, limited):

@@ -163,12 +163,14 @@ def test_what_is_no_file_of_a_recording_is_named(tree):
     (tree / "gone.csv").symlink_to("nowhere.csv")
     os.mkfifo(tree / "pipe.csv")
     (tree / "empty.csv").write_text("")
-    (tree / "a`b.csv").write_text("1\n")
+    for name in ("a`b.csv", "a\nb.csv"):
+        (tree / name).write_text("1\n")
     for name, told in (
         ("gone.csv", "is a link to a file that does not exist"),
         ("pipe.csv", "is not a regular file"),
         ("empty.csv", "is empty"),
         ("a`b.csv", "must be one line of valid text"),
+        ("a\nb.csv", "must be one line of valid text"),
     ):
         for pattern in (name, f"{name[:-5]}?.csv"):
             with refused(told):

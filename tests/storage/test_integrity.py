@@ -25,7 +25,6 @@ from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import Memory
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.domain.results import PiecesFit
-from mapmore_cli.modelling.soundness import unsound
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.run_record import refuse_newer
 
@@ -175,13 +174,6 @@ def test_parts_that_do_not_fit_together_are_no_fault_of_the_program(kind, record
     KINDS[kind][0](path, record)
     with suppress(MapmoreError):
         use(path, random.Random(1))
-
-
-def test_a_model_with_one_name_for_two_quantities_is_refused_in_words():
-    model = examples()["model"]
-    assert unsound(model) is None
-    twice = unsound(replace(model, inputs=model.inputs * 2))
-    assert twice == f"in the model {model.name}: two quantities have the same name"
 
 
 def test_ten_sums_within_each_other_are_read_and_sixteen_are_not(model):
