@@ -14,11 +14,19 @@ import yaml
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.domain.models import CurveFunction, Fusion, Model, Pieces, SegmentFunction
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.modelling.validation.comparison import Comparison, CurveChange, TermChange
 
 PROJECT = Path(__file__).resolve().parents[2]
 CONFIGS = PROJECT / "configs"
 BEGINS = (["example", "muscle"], ["run", "muscle/study.yaml", "-q"])
 """Commands with which most pages begin: they are done once for all tests."""
+
+
+BAR, EPS = (
+    grid.ravel()
+    for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 25), indexing="ij")
+)
+"""Pressures in bar and strains of a grid."""
 
 
 SPEC = """\
@@ -115,6 +123,19 @@ def by_place(document):
     if isinstance(document, Path):
         document = json.loads(document.read_text())
     return {(row["model"], row["split"], row["curve"]): row for row in document["scores"]}
+
+
+CURVES = (
+    CurveChange(
+        "p=1", 1.0, 50, 1.04, 0.6, 1.0, 2.0, -3.25, {"strain": 0.123456, "pressure": 1.0}, False
+    ),
+    CurveChange("p=2", 2.0, 50, 1.08, 0.4, 2.0, 4.0, 7.5, {"strain": 0.1, "pressure": 2.0}, False),
+)
+CHANGED = Comparison(
+    "a", "b", "torque", "Nm", CURVES, 1.056, (1.05, 1.062), (1.052, 1.06), 0.001, None, 0.02, 0.006,
+    (TermChange("p=1/1", "strain", 1.0, 2.0, 0.4, "as noise"),),
+)  # fmt: skip
+"""A comparison in which the output has changed by 5.6 %."""
 
 
 OWN = ("mapmore", "validate", "all")

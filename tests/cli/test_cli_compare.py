@@ -7,8 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from cli_samples import change_forces, write_study
-from test_views_by_hand import CHANGED
+from cli_samples import CHANGED, change_forces, write_study
 
 from mapmore_cli.cli.compare import _of_models, compare
 from mapmore_cli.cli.console import View

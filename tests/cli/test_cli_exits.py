@@ -164,14 +164,6 @@ def test_interrupted_before_the_command(error, code, last, tmp_path):
     assert (done.returncode, done.stderr.splitlines()[-1]) == (code, last)
 
 
-def test_a_lock_that_is_a_link(study, mapmore):
-    folder = study.parent / "runs" / "bench"
-    folder.mkdir(parents=True)
-    (folder / ".lock").symlink_to(study.parent / "kept")
-    mapmore("run", study, code=7, says="is a folder or a link")
-    assert not (study.parent / "kept").exists()
-
-
 def test_broken_pipe(model_file):
     """`mapmore predict ... | head -1` ends without complaint, like any other filter."""
     grid = "pressure=100:200:0.01,strain=0:0.1:0.001"

@@ -24,14 +24,9 @@ def rig(tmp_path):
 
 @pytest.mark.parametrize("source", ["festo_datasheet", "pgm_mckibben"])
 def test_a_spec_for_measured_recordings_checks(source, tmp_path, mapmore, measured_data):
-    assert started(mapmore, measured_data / source, tmp_path) == []
-
-
-def started(mapmore, source, place):
-    """What `check` has to say, beyond hints, of the spec that `init` writes."""
-    spec = place / "spec.yaml"
-    assert mapmore("init", source, "-o", spec, code=0).stdout == f"{spec}\n"
-    return serious(mapmore, spec)
+    spec = tmp_path / "spec.yaml"
+    assert mapmore("init", measured_data / source, "-o", spec, code=0).stdout == f"{spec}\n"
+    assert serious(mapmore, spec) == []
 
 
 def serious(mapmore, spec):
@@ -105,13 +100,15 @@ def test_a_measured_study_is_clean_of_errors_and_warnings(mapmore, measured_data
     assert serious(mapmore, PROJECT / "configs/festo/festo_10mm_20cm_strain.yaml") == []
 
 
-@pytest.mark.parametrize("paper", ["m1", "m2"])
-def test_the_settings_of_a_paper(tmp_path, mapmore, paper):
+@pytest.mark.parametrize(
+    ("paper", "study"), [("m1", "dmsp-20-88-m1-static"), ("m2", "dmsp-20-88-static")]
+)
+def test_the_settings_of_a_paper(tmp_path, mapmore, paper, study):
     """`--like` writes what `configs/` has for that paper, each key with a comment."""
     spec = tmp_path / "a.yaml"
     mapmore("init", PROJECT / "datasets/mckibben", "-o", spec, "--like", paper, code=0)
     drafted = load(spec).spec
-    published = load(PROJECT / f"configs/{paper}" / f"{LIKE[paper]}.yaml").spec
+    published = load(PROJECT / f"configs/{paper}" / f"{study}.yaml").spec
     for section in ("segment", "dictionary", "fuse"):
         assert getattr(drafted, section) == getattr(published, section)
     assert drafted.fit.max_terms == 1
@@ -119,6 +116,3 @@ def test_the_settings_of_a_paper(tmp_path, mapmore, paper):
     for key in ("segment:", "dictionary:", "fit:", "fuse:"):
         place = next(i for i, line in enumerate(lines) if line.startswith(key))
         assert "#" in lines[place] or "#" in lines[place - 1]
-
-
-LIKE = {"m1": "dmsp-20-88-m1-static", "m2": "dmsp-20-88-static"}

@@ -3,13 +3,12 @@
 import csv
 
 import numpy as np
-import pytest
 from cli_samples import write_recording, write_study
 
 
-def write(folder, levels, held_out=()):
+def write(folder, levels):
     """The force bends sharply over the pressure above 300 kPa."""
-    spec = write_study(folder, levels=levels, held_out=held_out)
+    spec = write_study(folder, levels=levels, held_out=())
     strain = np.linspace(0.0, 0.2, 15)
     for level in levels:
         write_recording(
@@ -22,12 +21,6 @@ def write(folder, levels, held_out=()):
     return spec
 
 
-@pytest.fixture
-def planned(document):
-    """What a plan prints as JSON."""
-    return lambda spec, *more: document("plan", spec, "--runs", spec.parent / "runs", "-q", *more)
-
-
 LEVELS = [0, 100, 200, 300, 400, 500, 600]
 
 
@@ -38,10 +31,11 @@ def test_a_single_level_says_nothing_and_levels_have_no_forecast(tmp_path, mapmo
     mapmore("plan", write(tmp_path, LEVELS), "--until", "2%", code=2, says="--points")
 
 
-def test_points_of_a_map_and_its_figure(tmp_path, planned):
+def test_points_of_a_map_and_its_figure(tmp_path, document):
     spec = write(tmp_path, LEVELS)
     files = [tmp_path / "plan.svg", tmp_path / "plan.csv"]
-    found = planned(spec, "--points", 4, "--until", "1%", "-o", files[0], "-o", files[1])
+    asked = ("--points", 4, "--until", "1%", "-o", files[0], "-o", files[1])
+    found = document("plan", spec, "-q", *asked)
     assert len(found["next"]) == 4
     assert {"pressure", "strain"} <= set(found["next"][0])
     assert files[0].read_text().startswith("<?xml")

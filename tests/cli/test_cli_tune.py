@@ -1,20 +1,16 @@
 """`mapmore tune`: settings against each other by training data alone."""
 
 import numpy as np
-import pytest
-from cli_samples import (
-    write_recording,
-    write_study,
-)
+from cli_samples import write_recording, write_study
 
 LEVELS = (100, 200, 300, 400, 500, 600)
 
 
-def write_bench(folder, held_out=(300,)):
+def write_bench(folder):
     """Six pressures; the force is straight on both sides of a kink in the middle, slightly
     noisy.
     """
-    spec = write_study(folder, levels=LEVELS, held_out=held_out)
+    spec = write_study(folder, levels=LEVELS, held_out=(300,))
     spec.write_text(spec.read_text() + "fit: {max_terms: 2}\n")
     rng, strain = np.random.default_rng(5), np.linspace(0.0, 0.2, 40)
     for level in LEVELS:
@@ -25,18 +21,10 @@ def write_bench(folder, held_out=(300,)):
     return spec
 
 
-@pytest.fixture
-def tuned(document):
-    """What tuning a spec prints as JSON."""
-    return lambda spec, *more: document("tune", spec, "--runs", spec.parent / "runs", "-q", *more)
-
-
-OVER = ("--over", "fit.max_terms=1,2,4", "--over", "segment.strain.count=1,2")
-
-
-def test_the_simplest_that_is_as_good_as_the_best_is_named(tmp_path, tuned):
+def test_the_simplest_that_is_as_good_as_the_best_is_named(tmp_path, document):
     spec = write_bench(tmp_path)
-    found = tuned(spec, *OVER)
+    over = ("--over", "fit.max_terms=1,2,4", "--over", "segment.strain.count=1,2")
+    found = document("tune", spec, "-q", *over)
     assert found["left_out"] == "each of the 3 inner training levels of pressure"
     trials = {
         (one["set"]["fit.max_terms"], one["set"]["segment.strain.count"]): one

@@ -235,11 +235,6 @@ def test_all_else_is_refused_with_its_place(values, told):
 # --------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def fitted():
-    return mm.fit(TABLE, **SECTIONS)
-
-
 @pytest.mark.parametrize(
     ("table", "columns"),
     [
@@ -296,7 +291,8 @@ def test_what_is_wrong_with_a_table_is_told(table, told):
         mm.fit(table, **SECTIONS)
 
 
-def test_every_use_of_a_model_has_the_same_door(fitted):
+def test_every_use_of_a_model_has_the_same_door():
+    fitted = mm.fit(TABLE, **SECTIONS)
     bar, ten = 2 * UNITS.bar, 10 * UNITS.percent
     plain = {"pressure": 200.0, "strain": 0.1}
     assert fitted(pressure=bar, strain=ten) == fitted(**plain)

@@ -10,7 +10,7 @@ import pytest
 def test_a_search_that_holds_out_an_outer_level_is_as_good_as_a_formula(
     pressure, tmp_path, mapmore, document
 ):
-    mapmore("example", "muscle")
+    mapmore("example", "muscle", code=0)
     spec = tmp_path / "outer.yaml"
     split = f"data: {{split: {{validate: {{pressure: [{pressure}]}}}}}}"
     spec.write_text(f"extends: muscle/search.yaml\nname: outer\n{split}\n")

@@ -19,38 +19,8 @@ from common import process
 import mapmore_cli
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.domain.foreign import csv_cell, printable
-from mapmore_cli.ingestion.globs import expand
 from mapmore_cli.storage.outputs import write_text, written_as_text
 from mapmore_cli.storage.readers import READERS, TableRequest
-from mapmore_cli.storage.tables import reading
-from mapmore_cli.storage.tables.lines import lines_of
-
-
-def test_a_file_without_an_end_is_refused():
-    with pytest.raises(DataError, match="row 1: is longer"):
-        list(lines_of(Path("/dev/zero")))
-
-
-def test_links_in_a_circle_give_each_recording_once(tmp_path):
-    inner = tmp_path / "data" / "2026"
-    inner.mkdir(parents=True)
-    (inner / "a.csv").write_text("x\n1\n")
-    (inner / "up").symlink_to(tmp_path / "data")
-    (inner / "self").symlink_to(inner)
-    assert expand("data/**/*.csv", tmp_path) == [inner / "a.csv"]
-    assert expand("**/a.csv", tmp_path) == [inner / "a.csv"]
-
-
-def test_links_that_lead_nowhere_and_pipes_are_told(tmp_path):
-    (tmp_path / "a.csv").write_text("x\n1\n")
-    (tmp_path / "b.csv").symlink_to(tmp_path / "gone.csv")
-    with pytest.raises(DataError, match=r"b\.csv: is a link to a file that does not exist"):
-        expand("*.csv", tmp_path)
-    (tmp_path / "b.csv").unlink()
-    os.mkfifo(tmp_path / "b.csv")
-    for pattern in ("*.csv", "b.csv"):
-        with pytest.raises(DataError, match=r"b\.csv: is not a regular file"):
-            expand(pattern, tmp_path)
 
 
 def test_a_pipe_is_written_into_and_not_replaced(tmp_path):
@@ -195,17 +165,6 @@ def test_recordings_do_not_lead_into_other_files(reader, tmp_path):
         READERS[reader].read(path, request)
 
 
-def test_whatever_a_library_raises_on_damage_is_wrong_data():
-    """SciPy reads a variable before it has a value; a name that nobody knows is a fault of ours."""
-    with (
-        pytest.raises(DataError, match="a\\.mat: the file is damaged"),
-        reading("a.mat", "MAT file"),
-    ):
-        raise UnboundLocalError("arr")
-    with pytest.raises(NameError), reading("a.mat", "MAT file"):
-        raise NameError("arr")
-
-
 @pytest.fixture
 def limited(tmp_path, shell):
     """A command in the folder of the test that may take 1 GiB for what it computes with."""
@@ -239,10 +198,6 @@ def packed(folder):
     )
 
 
-def named(folder):
-    (folder / "a\n.csv").write_text("P,eps,F\n1,2,3\n")
-
-
 SPEC = """\
 name: a
 data: {files: ["a*"], reader: READER, columns: {pressure: {column: P, unit: kPa},
@@ -258,7 +213,6 @@ dictionary: [{terms: [strain]}]
         (endless, "csv", "a.csv: is empty"),
         (unpacking, "hdf5", "MB to 1440 MB"),
         pytest.param(packed, "mat", "unpacks from 0.", marks=pytest.mark.long),
-        (named, "csv", "must be one line of valid text"),
     ],
 )
 def test_a_small_file_takes_little_memory(make, reader, words, tmp_path, limited):

@@ -88,6 +88,3 @@ def test_identification_records_run_as_freely_as_the_peers(measured_data):
         assert row["peer's one step"] == pytest.approx(peer[run]["rrse_one"], abs=1e-5)
         assert row["RRSE, free run"] == pytest.approx(row["peer's"], rel=0.005)
         assert row["RRSE, one step"] == pytest.approx(row["peer's one step"], rel=0.005)
-
-
-STUDIES = CONFIGS / "identification"

@@ -11,6 +11,7 @@ from cli_samples import csv_rows, hand_model, write_lines
 
 from mapmore_cli.annexes.sums import Part, Sum
 from mapmore_cli.cli.views import VIEWS
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import BY_RECORDING, LOWER_BOUND, MemoryModel, StateSet
 from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity, Signal
@@ -266,12 +267,12 @@ def test_every_piece_is_predicted_as_by_itself(model, chunk):
 @pytest.mark.parametrize("model", [REMEMBERING, SUM], ids=["alone", "in a sum"])
 def test_the_past_is_asked_for_where_a_model_feeds_back(model):
     inputs = [quantity.name for quantity in model.inputs]
-    with pytest.raises(Exception, match="no column 'force'"):
+    with pytest.raises(DataError, match="no column 'force'"):
         list(predicted_lines(model, [",".join(["time", *inputs]) + "\n"], "t"))
-    with pytest.raises(Exception, match="t: the table is empty") as caught:
+    with pytest.raises(DataError, match="t: the table is empty") as caught:
         list(predicted_lines(model, [], "t"))
-    assert "time [s], pressure [kPa]" in str(caught.value)
-    assert "force [N]" in str(caught.value)
+    assert "time [s], pressure [kPa]" in caught.value.remedy
+    assert "force [N]" in caught.value.remedy
 
 
 @pytest.mark.parametrize("note", [LOWER_BOUND, BY_RECORDING])

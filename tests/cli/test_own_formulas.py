@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cli_samples import edit
+from cli_samples import BAR, EPS, edit
 
 import mapmore_cli as mm
 from mapmore_cli.domain.errors import DataError, SpecError
@@ -22,10 +22,6 @@ SAROSI = {
     },
 }
 RNG = np.random.default_rng(5)
-BAR, EPS = (
-    grid.ravel()
-    for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 25), indexing="ij")
-)
 FRAME = {
     "pressure": 100 * BAR,
     "strain": EPS,

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
-from cli_samples import write_columns
+from cli_samples import BAR, EPS, write_columns
 
 import mapmore_cli as mm
 from mapmore_cli.api import fitted as fitted_module
@@ -20,10 +20,6 @@ from mapmore_cli.ingestion.globs import expand
 # --- one small study
 # --------------------------------------------------------------------------------------------------
 
-BAR, EPS = (
-    grid.ravel()
-    for grid in np.meshgrid([0.8, 1.5, 2.0, 2.5, 3.5], np.linspace(0, 0.2, 25), indexing="ij")
-)
 FRAME = {
     "P [bar]": BAR,
     "eps": EPS,

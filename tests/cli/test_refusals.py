@@ -40,6 +40,7 @@ LINES = """
 2  plan SPEC --runs RUNS --cost force=3      the plan does not choose this
 2  plan SPEC --runs RUNS -o plan.doc         cannot have this file ending
 2  plan SPEC --runs RUNS --points 0          greater than or equal to 1
+3  report SPEC --runs RUNS --figures fitt   report.figures
 2  figure RUN fat -o x.pdf                   choose one of data, fit
 2  figure RUN bands -o x.pdf                 residuals, nrmse, segments, terms
 2  figure RUN fit -o x.docx                  choose .svg

@@ -44,16 +44,12 @@ def finished(tmp_path_factory, mapmore):
     return folder / "runs" / "moving", json.loads(result.stdout)
 
 
-def recording(name="waveform_rapid"):
-    log = np.loadtxt(LOGS / f"{name}.csv", delimiter=",", skiprows=1)[::5]
-    return {"time": log[:, 0], "input": log[:, 1], "displacement": log[:, 3] / 10}
-
-
 def test_the_model_file_holds_sections_that_predict_what_was_scored(finished):
     folder, document = finished
     motion = read_fit(folder / "fit.h5").body.model
     assert motion.boundaries == pytest.approx((2.35, 3.95))
-    log = recording()
+    rows = np.loadtxt(LOGS / "waveform_rapid.csv", delimiter=",", skiprows=1)[::5]
+    log = {"time": rows[:, 0], "input": rows[:, 1], "displacement": rows[:, 3] / 10}
     simulated = simulate(motion, log)
     row = by_place(document)["mapmore", "validate", "waveform_rapid"]
     error = np.sqrt(np.mean((simulated - log["displacement"]) ** 2))

@@ -7,14 +7,6 @@ from pathlib import Path
 import pytest
 from cli_samples import OWN, by_place, change_forces, edit, options, scored_run, write_study
 
-VARIATION = "{set: {fit.max_terms: 2, fuse: {z_s: 0.4}}, as: two}"
-
-
-@pytest.fixture
-def varied(study):
-    """`bench.yaml`, compared with itself with two terms."""
-    return against(study, VARIATION)
-
 
 def against(spec, entry):
     """The spec, also compared with the entry."""
@@ -22,7 +14,8 @@ def against(spec, entry):
     return spec
 
 
-def test_a_variation_scores_as_a_run_with_these_settings_does(varied, mapmore):
+def test_a_variation_scores_as_a_run_with_these_settings_does(study, mapmore):
+    varied = against(study, "{set: {fit.max_terms: 2, fuse: {z_s: 0.4}}, as: two}")
     rmse, _ = scored_run(mapmore, varied)
     assert list(rmse) == ["mapmore", "polynomial_2", "two", "plane", "quadratic", "cubic"]
     folder = Path("runs", "bench.two")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cli_samples import CHANGED, CURVES
 from common import dataset_of
 
 from mapmore_cli.checking.findings import Issue
@@ -15,21 +16,10 @@ from mapmore_cli.cli.compared import of_campaign, of_campaigns, of_comparisons, 
 from mapmore_cli.cli.console import print_document, settle, spec_of
 from mapmore_cli.cli.views import of_dataset
 from mapmore_cli.domain.errors import DataError, WriteError
-from mapmore_cli.modelling.validation.comparison import Comparison, CurveChange, TermChange
 from mapmore_cli.pipeline.inspection import Inspection
 from mapmore_cli.storage import run_record
 from mapmore_cli.storage.run_record import Origin
 
-CURVES = (
-    CurveChange(
-        "p=1", 1.0, 50, 1.04, 0.6, 1.0, 2.0, -3.25, {"strain": 0.123456, "pressure": 1.0}, False
-    ),
-    CurveChange("p=2", 2.0, 50, 1.08, 0.4, 2.0, 4.0, 7.5, {"strain": 0.1, "pressure": 2.0}, False),
-)
-CHANGED = Comparison(
-    "a", "b", "torque", "Nm", CURVES, 1.056, (1.05, 1.062), (1.052, 1.06), 0.001, None, 0.02, 0.006,
-    (TermChange("p=1/1", "strain", 1.0, 2.0, 0.4, "as noise"),),
-)  # fmt: skip
 SIZE = "torque is 1.0560 times that of old (95 % interval 1.0500 to 1.0620, 2 curves)"
 SAME = replace(CHANGED, ratio=1.0, interval=(0.985, 1.015), narrow=(0.99, 1.01))
 WITHIN = "torque is 1.0000 times that of old (95 % interval 0.9850 to 1.0150, 2 curves)"

@@ -15,7 +15,7 @@ from mapmore_cli.annexes.search.black_boxes import black_boxes
 from mapmore_cli.annexes.search.samples import MOST_SAMPLES
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.domain.models import Memory, Model
+from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.domain.scores import OWN, REPEATABILITY
 from mapmore_cli.fitting import baselines
@@ -52,20 +52,19 @@ def dataset(held_out_scale=1.0):
     return Dataset("force", None, QUANTITIES, (), (curve_of(columns, held_out),))
 
 
-def model(body=None):
-    return Model("own", QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), body)
+MODEL = Model("own", QUANTITIES["force"], (QUANTITIES["pressure"], QUANTITIES["strain"]), None)
 
 
 @pytest.fixture(autouse=True)
 def plain_kind(monkeypatch):
-    monkeypatch.setattr(baselines, "runs_over_time", lambda own: isinstance(own.body, Memory))
+    monkeypatch.setattr(baselines, "runs_over_time", lambda _own: False)
 
 
 @pytest.mark.parametrize("name", LEARNERS)
 def test_a_smooth_surface_is_learnt_from_training_samples_alone(name):
     (curve,) = dataset().curves
-    (first,) = baselines.predictions(name, dataset(), model())
-    (again,) = baselines.predictions(name, dataset(held_out_scale=-5.0), model())
+    (first,) = baselines.predictions(name, dataset(), MODEL)
+    (again,) = baselines.predictions(name, dataset(held_out_scale=-5.0), MODEL)
     np.testing.assert_array_equal(first, again)
     force = curve.columns["force"][curve.held_out]
     assert np.sqrt(np.mean((first[curve.held_out] - force) ** 2)) < 0.2 * np.std(force)
@@ -114,7 +113,7 @@ def test_beside_a_model_with_a_past_inputs_come_with_theirs():
 def test_missing_inputs_give_no_prediction():
     data = dataset()
     data.curves[0].columns["strain"][5] = np.nan
-    (found,) = baselines.predictions("gradient_boosting", data, model())
+    (found,) = baselines.predictions("gradient_boosting", data, MODEL)
     assert np.flatnonzero(np.isnan(found)).tolist() == [5]
 
 

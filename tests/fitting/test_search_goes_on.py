@@ -67,16 +67,18 @@ def test_rounds_go_on_while_a_black_box_errs_less_and_one_gains(box, rounds, ask
 
 
 @pytest.mark.parametrize(
-    ("found", "words", "advised"),
+    ("found", "chosen", "words", "advised"),
     [
-        ((1.0, 10), "none of them gains 5 % over structure 0", False),
-        ((0.98, 10), "smaller by a factor of 1.02 than that of structure 0 with 10", False),
-        ((0.5, 11), "smaller by a factor of 2 than that of structure 0 with 10", True),
+        ((1.0, 10), 0, "none of them gains 5 % over structure 0", False),
+        ((0.98, 10), 1, "smaller by a factor of 1.02 than that of structure 0 with 10", False),
+        ((0.5, 11), 1, "smaller by a factor of 2 than that of structure 0 with 10", True),
     ],
 )
-def test_the_short_structure_is_recommended_only_if_it_has_fewer_parameters(found, words, advised):
-    result = replace(choice_of((1.0, 10), found, box=0.4), short=0)
-    note = further.longer_note(result if words[0] == "s" else replace(result, chosen=0))
+def test_the_short_structure_is_recommended_only_if_it_has_fewer_parameters(
+    found, chosen, words, advised
+):
+    result = replace(choice_of((1.0, 10), found, box=0.4), short=0, chosen=chosen)
+    note = further.longer_note(result)
     assert words in note
     assert ("prefer: short" in note) == advised
 

@@ -302,38 +302,27 @@ def test_repeated_stamps_of_the_second_log_are_mended_as_the_spec_says(ingest):
     np.testing.assert_allclose(got.columns["pressure"], 200 * T, atol=1e-9)
 
 
-def on_other_clocks(ingest, wave, tick=0.1):
+@pytest.mark.parametrize("tick", [0.1, 0.5])
+def test_the_shift_is_found_and_told(ingest, tick):
     """Two logs of one pressure, the second in ms on a clock that is 7.5 s ahead of the first, which
-    has a stamp for every tick.
+    has a stamp for every tick: of samples with one stamp, the first is at its time.
     """
+    values = np.random.default_rng(4).uniform(0, 300, 40)
     t = np.arange(0, 40, 0.1)
+    wave, later = (np.interp(t - ahead, np.arange(-20, 60, 2), values) for ahead in (0, 7.5))
     columns = {"time": {"column": "ms", "unit": "ms"}, "pressure_2": {"column": "p", "unit": "bar"}}
-    entry = {
-        "files": ["second*.txt"],
-        "columns": columns,
-        "shift": "auto",
-        "match": MATCH,
-    }
-    files = {
-        "first.csv": csv_text(t=tick * np.floor(t / tick + 1e-9), P=wave(t), eps=0 * t, F=t),
-        "second.txt": csv_text(ms=1000 * t, p=wave(t - 7.5) / 100, F=t),
-    }
-    return ingest(
-        files,
-        files=["first*.csv"],
-        columns=COLUMNS,
+    entry = {"files": ["second.txt"], "columns": columns, "shift": "auto", "match": MATCH}
+    got = ingest(
+        {
+            "first.csv": csv_text(t=tick * np.floor(t / tick + 1e-9), P=wave, eps=0 * t, F=t),
+            "second.txt": csv_text(ms=1000 * t, p=later / 100, F=t),
+        },
+        files=["first.csv"],
         join=[entry],
         missing="drop",
         units={"pressure_2": "kPa"},
         repeated_time="average",
     )
-
-
-@pytest.mark.parametrize("tick", [0.1, 0.5])
-def test_the_shift_is_found_and_told(ingest, tick):
-    """Of samples with one stamp, the first is at its time."""
-    values = np.random.default_rng(4).uniform(0, 300, 40)
-    got = on_other_clocks(ingest, lambda t: np.interp(t, np.arange(-20, 60, 2), values), tick)
     (note,) = (note for note in got.notes if "shift" in note)
     assert note.startswith("second.txt: shift -7.5")
     if tick > 0.1:

@@ -52,9 +52,9 @@ def test_samples_belong_to_the_level_within_its_reach():
     assert LevelSet("P", np.array([100.0]), np.inf).describe() == "levels of P: 100 (all samples)"
 
 
-def recording(name, pressure, first_row=2):
+def recording(name, pressure):
     columns = {"P": np.array(pressure), "F": np.arange(float(len(pressure)))}
-    return Recording(name, f"{name}.csv", columns, len(pressure), {"other": 1}, first_row=first_row)
+    return Recording(name, f"{name}.csv", columns, len(pressure), {"other": 1}, first_row=2)
 
 
 ONE, TWO = recording("a", [100.0, 200.0, 150.0]), recording("b", [400.0, 101.0])

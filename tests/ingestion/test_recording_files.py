@@ -120,9 +120,8 @@ def test_ids_are_as_short_as_unique_names_allow(paths):
 
 def test_globs_that_lead_through_a_whole_computer(tree, monkeypatch):
     deep = "../*/*.csv"
-    for most in (20_000, 3):
-        monkeypatch.setattr("mapmore_cli.ingestion.globs.MOST_FOLDERS", most)
-        assert len(find_sources([deep], tree)) == 4
+    monkeypatch.setattr("mapmore_cli.ingestion.globs.MOST_FOLDERS", 3)
+    assert len(find_sources([deep], tree)) == 4
     monkeypatch.setattr("mapmore_cli.ingestion.globs.MOST_FOLDERS", 2)
     for pattern in (deep, "../**/*.csv"):
         with refused(f"{pattern}: matches paths through more than 2 folders", "`measured/*/*.csv`"):
@@ -164,15 +163,18 @@ def test_what_is_no_file_of_a_recording_is_named(tree):
     (tree / "gone.csv").symlink_to("nowhere.csv")
     os.mkfifo(tree / "pipe.csv")
     (tree / "empty.csv").write_text("")
-    (tree / "a`b.csv").write_text("1\n")
+    for name in ("a`b.csv", "a\nb.csv"):
+        (tree / name).write_text("1\n")
     for name, told in (
         ("gone.csv", "is a link to a file that does not exist"),
         ("pipe.csv", "is not a regular file"),
         ("empty.csv", "is empty"),
         ("a`b.csv", "must be one line of valid text"),
+        ("a\nb.csv", "must be one line of valid text"),
     ):
-        with refused(told):
-            expand(f"{name[:-5]}?.csv", tree)
+        for pattern in (name, f"{name[:-5]}?.csv"):
+            with refused(told):
+                expand(pattern, tree)
     assert [path.name for path in expand("empty.csv", tree, may_be_empty=True)] == ["empty.csv"]
     (tree / "none").mkdir()
     with refused("none/a.csv: no such file", "none is empty"):

@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -348,3 +350,26 @@ def test_the_row_of_the_first_sample_is_kept_where_the_others_follow_it(ingest):
     ):
         dataset = ingest({"a.csv": csv_text(t=t, P=80, eps=0, F=force)}, missing="drop")
         assert dataset.recordings[0].first_row == first
+
+
+def test_effects_of_groups_are_taken_off_all_that_is_measured(ingest, monkeypatch):
+    asked = []
+
+    def without(curves, grouping):
+        asked.append(grouping)
+        return curves, SimpleNamespace(describe=lambda target, unit: [f"{target} in {unit}"])
+
+    monkeypatch.setattr("mapmore_cli.ingestion.dataset.without_effects", without)
+    derive = {"work": "force*strain", "double": "2*work", "other": "2*strain"}
+    groups = {"of": "day", "gain": True}
+    columns = {**COLUMNS, "day": {"column": "day"}}
+    text = csv_text(t=[0, 1], P=80, eps=0, F=[1, 2], day=[1, 2])
+    made = ingest({"a.csv": text}, columns=columns, groups=groups, derive=derive)
+    assert made.notes == ("force in N",)
+    assert made.grouping == asked[0]
+    assert (asked[0].target, asked[0].of, asked[0].offset, asked[0].gain) == (
+        *("force", "day", False, True),
+    )
+    assert asked[0].outputs == (
+        *("force", "double", "work", "hysteresis", "static_force", "damping"),
+    )

@@ -1,7 +1,5 @@
 """The standard deviation of each sample: a number, a share, a column, or one for each group."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from ingest_samples import COLUMNS, csv_text
@@ -40,24 +38,3 @@ def test_one_far_below_the_others_is_refused(ingest, least):
         "sqrt(0.25 + (0.02*force)^2)",
     ):
         ingest({"a.csv": text}, uncertainty={"force": "2 %"})
-
-
-def test_effects_of_groups_are_taken_off_all_that_is_measured(ingest, monkeypatch):
-    asked = []
-
-    def without(curves, grouping):
-        asked.append(grouping)
-        return curves, SimpleNamespace(describe=lambda target, unit: [f"{target} in {unit}"])
-
-    monkeypatch.setattr("mapmore_cli.ingestion.dataset.without_effects", without)
-    derive = {"work": "force*strain", "double": "2*work", "other": "2*strain"}
-    groups = {"of": "day", "gain": True}
-    made = ingest({"a.csv": TEXT}, columns=MORE, groups=groups, derive=derive)
-    assert made.notes == ("force in N",)
-    assert made.grouping == asked[0]
-    assert (asked[0].target, asked[0].of, asked[0].offset, asked[0].gain) == (
-        *("force", "day", False, True),
-    )
-    assert asked[0].outputs == (
-        *("force", "double", "work", "hysteresis", "static_force", "damping"),
-    )

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from mapmore_cli.annexes.drafting.start import start
+from mapmore_cli.domain.recording import Recording
+from mapmore_cli.ingestion.dataset import build_dataset
+from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.pipeline.inspection import inspect
 from mapmore_cli.study.loader import load
 
@@ -20,16 +23,12 @@ def write(
     columns,
     head=None,
     mark=",",
-    point=".",
 ):
     """Write columns as text, under their names or under `head`."""
     path.parent.mkdir(parents=True, exist_ok=True)
     titles = mark.join(columns) + "\n" if isinstance(columns, Mapping) else ""
     values = np.broadcast_arrays(*(columns.values() if isinstance(columns, Mapping) else columns))
-    rows = [
-        mark.join(f"{value:.10g}".replace(".", point) for value in row)
-        for row in zip(*values, strict=True)
-    ]
+    rows = [mark.join(f"{value:.10g}" for value in row) for row in zip(*values, strict=True)]
     path.write_text((titles if head is None else head) + "\n".join(rows) + "\n")
 
 
@@ -42,6 +41,13 @@ def workbook(path, sheets):
         for row in rows:
             sheet.append(list(row))
     book.save(path)
+
+
+def recording(name="r", log="", **columns):
+    """A recording of these columns, all of whose rows were kept."""
+    series = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in columns.values()))
+    shared = dict(zip(columns, series, strict=True))
+    return Recording(name, f"{name}.csv", shared, len(series[0]), {}, log)
 
 
 def drafts(folder, **settings):
@@ -61,6 +67,11 @@ def loaded(draft, folder):
     path = folder / f"{draft.name}.yaml"
     path.write_text(draft.text(), encoding="utf-8")
     return load(path)
+
+
+def dataset_of(draft, folder):
+    """The dataset of the spec of a draft."""
+    return build_dataset(slice_of(loaded(draft, folder).spec), folder)
 
 
 def checked(draft, folder):

@@ -79,7 +79,7 @@ T = np.arange(0, 20, 0.02)
 LOOP = 1 - np.abs(T / 10 - 1)
 
 
-def isobaric(folder, name="pull_{:g}.csv", percent=1.0):
+def isobaric(folder, percent=1.0):
     strain = 0.15 * LOOP
     for level in (100, 200, 300, 400):
         columns = {
@@ -88,7 +88,7 @@ def isobaric(folder, name="pull_{:g}.csv", percent=1.0):
             "strain": percent * strain,
             "F": level * (2 - 9 * strain) + 0.1,
         }
-        write(folder / name.format(level), columns)
+        write(folder / f"pull_{level}.csv", columns)
 
 
 def test_an_isobaric_campaign(tmp_path, monkeypatch):

@@ -11,9 +11,6 @@ from recorded import drafted, drafts, write
 from mapmore_cli.annexes.drafting.answers import Answers, Hold, answers_of
 from mapmore_cli.domain.errors import DataError
 
-K = np.arange(600)
-DRIVE = 3 + 2 * np.sin(0.031 * K) * np.cos(0.012 * K)
-
 
 @pytest.fixture
 def untried(tmp_path):

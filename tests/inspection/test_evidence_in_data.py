@@ -1,4 +1,6 @@
-"""What recordings show: settling, what was held, copies of a signal, and spikes."""
+"""What recordings show: settling, copies of a signal, spikes, and outputs that differ at equal
+inputs.
+"""
 
 from __future__ import annotations
 
@@ -6,26 +8,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from recorded import recording
 
+from mapmore_cli.checking import evidence
 from mapmore_cli.checking.evidence import (
+    Unequal,
+    _left,
     same_signals,
     settling,
     spikes,
     two_digits,
+    unequal,
 )
-from mapmore_cli.domain.recording import Recording
 from mapmore_cli.modelling.expressions.operator import from_rest, linear
-
-
-def recording(**columns):
-    return Recording(
-        "r",
-        "r.csv",
-        {name: np.asarray(values, dtype=float) for name, values in columns.items()},
-        len(columns["pressure"]),
-        {},
-    )
-
 
 T = np.arange(0, 40, 0.02)
 
@@ -122,3 +117,94 @@ def test_how_alike_signals_have_to_be_to_be_one():
     assert same_signals([T[:30], -T[:30]]) == [[0, 1]]
     assert same_signals([T[:29], -T[:29]]) == same_signals([T, T[:-1]]) == []
     assert same_signals([T, T**2, 3 - T**2, 1 + T, T * 2]) == [[0, 3, 4], [1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("gain", "offset", "both", "effects"),
+    [
+        (0.4, 0.6, 0.21, ["gain"]),
+        (0.6, 0.4, 0.21, ["offset"]),
+        (0.4, 0.6, 0.19, ["offset", "gain"]),
+        (0.51, 0.6, 0.26, []),
+        (0.51, 0.6, 0.25, ["offset", "gain"]),
+        (0.49, 0.6, 0.25, ["gain"]),
+        (0.04, 0.6, 0.001, ["gain"]),
+        (0.06, 0.6, 0.001, ["offset", "gain"]),
+    ],
+)
+def test_effects_that_explain_most_of_a_difference(gain, offset, both, effects):
+    one, other = (recording(name, u=[]) for name in "ab")
+    for apart in (1.0, 0.04):
+        left = {"gain": gain * apart, "offset": offset * apart, "offset gain": both * apart}
+        found = Unequal(one, other, ("u", "p"), "force", apart, left)
+        assert found.effects == effects
+        assert found.is_large == (apart == 1.0)
+    words = f"explains {1 - gain**2:.0%} of the difference, an offset {1 - offset**2:.0%}, both "
+    assert words in found.words()
+    assert found.words().startswith(
+        "b.csv has the same u, p as a.csv, but force differs by 0.04 of"
+    )
+
+
+def test_the_two_recordings_that_differ_most_are_told(monkeypatch):
+    u = np.sin(np.arange(60.0))
+    outputs = [u, u + 0.2, u + 0.5, u + 0.3]
+    recordings = [recording(str(k), u=u, force=y) for k, y in enumerate(outputs)]
+    recordings.append(recording("4", u=-u, force=4 * u))
+    found = unequal(recordings, ["u"], "force")
+    assert (found.one.id, found.other.id) == ("0", "2")
+    assert found.apart == pytest.approx(0.5 / np.ptp([4 * u.min(), 4 * u.max()]))
+    assert found.left["offset"] == pytest.approx(0, abs=1e-9)
+    short = [recording(u=u[:n], force=u[:n] + n) for n in (29, 60)]
+    assert unequal(short, ["u"], "force") is None
+    wide = 10 * np.sin(np.arange(300.0)) + 7
+    for off, told in ((0.009, True), (0.011, False)):
+        near = [wide, wide + off * np.ptp(wide) * np.where(np.arange(300) % 2, 1, -1)]
+        equal = [recording(u=x, force=wide + k) for k, x in enumerate(near)]
+        assert (unequal(equal, ["u"], "force") is not None) == told
+    for n, told in ((29, False), (30, True)):
+        both = [recording(u=u[:n], force=u[:n] + 1), recording(u=u, force=u)]
+        for parts in (both, both[::-1]):
+            assert (unequal(parts, ["u"], "force") is not None) == told
+    apart, left = _left(u, 0.4 * u + 0.1)
+    assert (apart, left) == _left(0.4 * u + 0.1, u)
+    assert left["offset gain"] == pytest.approx(0, abs=1e-9)
+    monkeypatch.setattr(evidence, "COMPARED", 2)  # every third of five is compared
+    found = unequal(recordings, ["u"], "force")
+    assert (found.one.id, found.other.id) == ("0", "3")
+
+
+@pytest.mark.parametrize(
+    ("values", "rows"),
+    [
+        ({15: 4.1}, [15]),  # the steps elsewhere are 1
+        ({15: 3.9}, []),
+        ({15: -4.1}, [15]),
+        ({15: 10.1, 16: 2.0}, [15]),  # its neighbours differ by 2, and it is higher by 8.1
+        ({15: 9.9, 16: 2.0}, []),
+        ({15: 40.0, 20: 11.0}, [15, 20]),  # both are higher than a quarter of the highest
+        ({15: 40.0, 20: 9.0}, [15]),
+        ({0: 40.0}, []),
+        ({28: 40.0}, [28]),
+        ({29: 40.0}, []),
+    ],
+)
+def test_a_spike_is_four_times_as_high_as_any_other_change(values, rows):
+    record = np.arange(400) % 2.0 if len(rows) > 1 else np.arange(30) % 2.0
+    record[[*values]] = [*values.values()]
+    for place in values:
+        if not {place - 1, place + 1} & {*values}:
+            record[place + 1 : place + 2] = record[place - 1]
+    assert spikes(record).tolist() == rows
+    assert not spikes(record[:29]).size
+
+
+def test_a_spike_is_a_quarter_of_the_range_and_seldom():
+    slow = np.linspace(0, 100, 400)
+    for height, rows in ((24, []), (26, [200])):
+        record = slow + height * (np.arange(400) == 200)
+        assert spikes(record).tolist() == rows
+    assert spikes(np.where(np.arange(40) == 7, 5.0, 1.0)).tolist() == []  # no other change
+    for count, found in ((4, 4), (5, 0)):
+        record = np.where(np.isin(np.arange(400), 50 * np.arange(1, count + 1)), 90.0, slow / 100)
+        assert len(spikes(record)) == found

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded import write
+from recorded import recording, write
 
 from mapmore_cli.annexes.drafting.answers import Hold
 from mapmore_cli.annexes.drafting.columns import TitledColumn
@@ -26,15 +26,9 @@ from mapmore_cli.annexes.drafting.static_or_memory import with_experiment
 from mapmore_cli.annexes.drafting.studies import Study, find_studies
 from mapmore_cli.annexes.drafting.understanding import _is_filtered
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.domain.recording import Recording
 from mapmore_cli.storage.tables.cells import NotANumber
 
 BARE = Draft({"data": {}})
-
-
-def recording(name="r", log="", **columns):
-    series = np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in columns.values()))
-    return Recording(name, f"{name}.csv", dict(zip(columns, series, strict=True)), 9, {}, log)
 
 
 def experiment(*recordings, inputs=("u",), target="y", held=None, conditions=None, apart=()):

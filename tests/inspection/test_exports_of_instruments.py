@@ -6,19 +6,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recorded import checked, drafted, loaded, workbook
+from recorded import checked, dataset_of, drafted, workbook
 
 from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.domain.errors import UsageError
-from mapmore_cli.ingestion.dataset import build_dataset
-from mapmore_cli.ingestion.files import slice_of
 
 T = 0.01 * np.arange(200)
 P, X = 200 + 90 * np.sin(5 * T), 9 + 3 * np.sin(5 * T - 0.4) + 0.3 * np.cos(31 * T)
-
-
-def recordings(draft, folder):
-    return build_dataset(slice_of(loaded(draft, folder).spec), folder).recordings
 
 
 def rows(*columns, mark=","):
@@ -45,7 +39,7 @@ def test_labelled_lines_above_a_clock_are_its_header(tmp_path, label):
     assert [entry["table"] for entry in draft.data["files"]] == [1, 2]
     named = [(one["column"], one["unit"]) for one in draft.data["columns"].values()]
     assert named == [(0, "s"), ("Pressure", "kPa"), ("Length", "mm")]
-    assert [one.rows_kept for one in recordings(draft, tmp_path)] == [199] * 4
+    assert [one.rows_kept for one in dataset_of(draft, tmp_path).recordings] == [199] * 4
 
 
 NESTED = {
@@ -66,7 +60,7 @@ def test_titles_in_several_lines_are_told_apart(tmp_path, kind):
     said = answers_of(target=f"force={force}:N", inputs=inputs, columns="time=0:s")
     draft = drafted(tmp_path, answers=said)
     checked(draft, tmp_path)
-    columns = recordings(draft, tmp_path)[0].columns
+    columns = dataset_of(draft, tmp_path).recordings[0].columns
     for name, values in (("pressure", P), ("position", X), ("force", 0.4 * P - X + 1)):
         np.testing.assert_allclose(columns[name], values, atol=1e-2)
 
@@ -90,7 +84,7 @@ def test_a_text_applies_to_the_empty_cells_below_it(tmp_path, is_merged):
     said = answers_of(target="F [N]", inputs="P [kPa]", recordings="Muscle")
     draft = drafted(tmp_path, answers=said)
     assert draft.data["columns"]["Muscle"] == {"column": "Muscle", "texts": "down"}
-    found = recordings(draft, tmp_path)
+    found = dataset_of(draft, tmp_path).recordings
     assert [one.id for one in found] == [f"all[Muscle={muscle}]" for muscle in ("M1", "M2", "M3")]
     assert [one.rows_kept for one in found] == [30] * 3
 
@@ -114,7 +108,7 @@ def test_chinese_and_japanese_texts_are_read_in_their_encoding(tmp_path, encodin
         (tmp_path / f"{number}.csv").write_bytes(text.encode(encoding))
     draft = drafted(tmp_path, answers=answers_of(target="displacement", inputs="pressure"))
     assert {*draft.data["columns"]} == {"time", "pressure", "displacement"}
-    assert len(recordings(draft, tmp_path)) == 2
+    assert len(dataset_of(draft, tmp_path).recordings) == 2
 
 
 def test_words_at_the_head_of_a_file_are_not_those_of_its_first_table(tmp_path):

@@ -8,20 +8,14 @@ import contextlib
 
 import numpy as np
 import pytest
-from recorded import checked, drafted, loaded, workbook, write
+from recorded import checked, dataset_of, drafted, workbook, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.checked import with_few_files
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import SpecError, UsageError
-from mapmore_cli.ingestion.dataset import build_dataset
-from mapmore_cli.ingestion.files import slice_of
 
 ROWS, LONG = np.arange(40), np.arange(300)
-
-
-def dataset_of(draft, folder):
-    return build_dataset(slice_of(loaded(draft, folder).spec), folder)
 
 
 def trials(path, labels, titles=("Trial", "P [kPa]", "angle [deg]"), more=""):

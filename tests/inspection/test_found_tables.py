@@ -37,8 +37,8 @@ def read(folder, rows, title="P_kPa"):
     return drafted(folder)
 
 
-def as_text(rows, delimiter=","):
-    return "".join(delimiter.join(map(str, row)) + "\n" for row in rows)
+def as_text(rows):
+    return "".join(",".join(map(str, row)) + "\n" for row in rows)
 
 
 # Text

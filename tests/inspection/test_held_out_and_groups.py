@@ -32,10 +32,7 @@ def pulls(folder, stronger=0.001):
 @pytest.mark.parametrize(
     ("said", "held_out"),
     [
-        (None, {"pressure": [300]}),
         ("P [kPa]", {"pressure": [300]}),
-        ("last", {"last": 0.3}),
-        ("recordings", {"recordings": ["pull_100_take2", "pull_300_take1"]}),
         ("eps", {"strain": {"between": [[0.0708, 0.106]]}}),
         ("1", {"strain": {"between": [[0.0708, 0.106]]}}),
     ],

@@ -44,12 +44,12 @@ SPEC: dict[str, Any] = {
 }
 
 
-def table(level, samples=60):
-    """A slow pull at constant pressure."""
-    strain = np.linspace(0, 0.2, samples)
+def table(level):
+    """A slow pull at constant pressure, in 60 samples."""
+    strain = np.linspace(0, 0.2, 60)
     return {
-        "t": 0.1 * np.arange(samples),
-        "P": np.full(samples, level),
+        "t": 0.1 * np.arange(60),
+        "P": np.full(60, level),
         "eps": strain,
         "F": level * (2 - 8 * strain) + level**2 / 400,
     }
@@ -154,17 +154,11 @@ def against_a_spring(_, columns):
     return {**columns, "P": pressure, "eps": strain, "F": 900 * strain}
 
 
-def looped(width):
-    """Loading and unloading, the branches so many newtons off their mean."""
-
-    def spoil(level, columns):
-        strain = np.concatenate([columns["eps"][::2], columns["eps"][::-2]])
-        force = (
-            level * (2 - 8 * strain) + level**2 / 400 + width(level) * np.repeat([1.0, -1.0], 30)
-        )
-        return {**columns, "eps": strain, "F": force}
-
-    return spoil
+def looped(level, columns):
+    """Loading and unloading, each 60 N off their mean."""
+    strain = np.concatenate([columns["eps"][::2], columns["eps"][::-2]])
+    force = level * (2 - 8 * strain) + level**2 / 400 + np.repeat([60.0, -60.0], 30)
+    return {**columns, "eps": strain, "F": force}
 
 
 def with_spike(place):
@@ -363,12 +357,12 @@ FINE = [{"set": {"segment.strain.count": 30}, "as": "fine"}]
         (
             "not-single-valued",
             "hint",
-            looped(lambda _: 60),
+            looped,
             {},
             ["can reach an error below 4.6 % at pressure=100, 4.5 % at", "cycles: {over: strain}"],
         ),
         (
-            *("not-single-valued", "hint", looped(lambda _: 60), VOLUME),
+            *("not-single-valued", "hint", looped, VOLUME),
             ["no model without memory can reach an error below 4.6 % at pressure=100"],
         ),
         (
@@ -442,14 +436,14 @@ def test_a_rule_speaks_of_what_it_is_made_for(tmp_path, id_, severity, spoil, sp
         ("computed-from", clean, ISOMETRIC_LINES),
         (
             "not-single-valued",
-            looped(lambda _: 60),
+            looped,
             {
                 **VOLUME,
                 "dictionary": [{"lags": {"of": ["strain"], "steps": [1]}}],
                 "segment": {"pressure": "none", "strain": None},
             },
         ),
-        ("not-single-valued", looped(lambda _: 60), cycles("strain")),
+        ("not-single-valued", looped, cycles("strain")),
         ("shape", clean, {"fit": {"shape": {"pressure": "increasing"}}}),
         ("header-of-numbers", clean, {}),
         ("uneven-steps", uneven, {**MEMORY, "dictionary": BY_ORDER}),

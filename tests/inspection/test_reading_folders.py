@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from recorded import checked, drafted, drafts, loaded, write
+from recorded import checked, dataset_of, drafted, drafts, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.start import start
@@ -19,7 +19,6 @@ from mapmore_cli.storage.tables.cells import holds_number
 
 N = 240
 T = 0.1 * np.arange(N)
-LONG = 0.1 * np.arange(4 * N)
 SAID = {"target": "F", "inputs": "P"}
 
 
@@ -35,11 +34,6 @@ def recordings(folder, names, cut=0.0):
         time = T + cut * (np.arange(N) > N // 2)
         columns = dict(zip(("t [s]", "P [kPa]", "F [N]"), (time, *swing(number)), strict=True))
         write(folder / f"{name}.csv", columns)
-
-
-def dataset_of(draft, folder):
-    spec = loaded(draft, folder).spec
-    return build_dataset(slice_of(spec), folder)
 
 
 # What is held out
@@ -75,8 +69,7 @@ def test_a_clock_in_parts_is_added_up(tmp_path):
     draft = drafted(tmp_path, answers=answers_of(**SAID))
     clock = {"columns": ["Hour", "Minute", "Second", "ms"], "format": "h min s ms"}
     assert draft.data["columns"]["time"] == clock
-    spec = loaded(draft, tmp_path).spec
-    time = build_dataset(slice_of(spec), tmp_path).recordings[0].columns["time"]
+    time = dataset_of(draft, tmp_path).recordings[0].columns["time"]
     np.testing.assert_allclose(time, 9 * 3600 + seconds)
     dated = {"columns": ["Date", *clock["columns"]], "format": "%Y-%m-%d %H %M %S ms"}
     draft = draft.with_data("columns", draft.data["columns"] | {"time": dated})

@@ -19,8 +19,6 @@ from mapmore_cli.domain.errors import DataError
 STRAIN = np.linspace(0.0, 0.15, 40)
 THERE_AND_BACK = np.concatenate([STRAIN, STRAIN[::-1]])
 T = 0.01 * np.arange(3000)
-LEFT, RIGHT = 3 + 2 * np.sin(2 * T[:600]), 3 - 2 * np.sin(2 * T[:600]) + np.sin(5.4 * T[:600])
-PAIR = (2 * T[:600], LEFT, RIGHT, 5 * np.tanh(LEFT - RIGHT))  # of muscles at a joint
 
 
 def force(bar, strain):

@@ -16,7 +16,7 @@ from mapmore_cli.domain.results import Forecast, Search, Tried
 U, Y = np.array([0.0, 1] * 4), np.linspace(2, 8, 8)
 
 
-def refusal(monkeypatch, run, *, fed_back=True, timed=True):
+def refusal(monkeypatch, run, *, fed_back=True, timed=True, exploding=()):
     """Why a model with the predictions `run(u, y)` is refused, if outputs are between 0 and 10."""
     data = dataset_of({"u": U, "y": Y})
     found = SimpleNamespace(
@@ -29,7 +29,7 @@ def refusal(monkeypatch, run, *, fed_back=True, timed=True):
     fakes = {
         "fed_back": lambda _model: fed_back,
         "runs_over_time": lambda _model: True,
-        "exploding_curves": lambda *_: (),
+        "exploding_curves": lambda *_: exploding,
         "forecast": lambda _model, curve: Forecast.of(run(*map(curve.columns.get, columns))),
     }
     for name, fake in fakes.items():
@@ -45,6 +45,11 @@ def test_predictions_may_leave_the_range_by_its_width(value, refused, monkeypatc
     found = refusal(monkeypatch, lambda u, _: np.full(len(u), value), fed_back=False, timed=False)
     assert found.startswith("diverges at inputs of the study") == refused
     assert not refusal(monkeypatch, lambda u, _: np.full(len(u), value), fed_back=False)
+
+
+def test_a_model_that_explodes_beyond_a_curve_is_refused(monkeypatch):
+    found = refusal(monkeypatch, lambda u, _: np.full(len(u), 5.0), exploding=("a",))
+    assert found == "diverges beyond the ends of its curves"
 
 
 @pytest.mark.parametrize(("limit", "refused"), [(1.095, True), (1.105, False)])

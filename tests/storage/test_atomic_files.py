@@ -354,13 +354,15 @@ def test_what_a_killed_start_leaves_is_no_folder_of_the_user(tmp_path):
     open_run_folder(tmp_path)
 
 
-def test_a_folder_in_place_of_the_lock(tmp_path):
-    (tmp_path / ".lock").mkdir()
+@pytest.mark.parametrize("make", [Path.mkdir, lambda lock: lock.symlink_to("kept")])
+def test_a_folder_or_a_link_in_place_of_the_lock(tmp_path, make):
+    make(tmp_path / ".lock")
     with (
         pytest.raises(WriteError, match="is a folder or a link, but this is the place of the lock"),
         run_lock(tmp_path),
     ):
         pass
+    assert [path.name for path in tmp_path.iterdir()] == [".lock"]
 
 
 def test_only_one_process_writes_a_run(tmp_path):
@@ -430,9 +432,3 @@ def test_the_record_of_a_run_is_removed_last(tmp_path, monkeypatch, now):
     monkeypatch.setattr(ownership, "to_trash", lambda _folder, paths: gone.extend(paths))
     ownership.remove_own(tmp_path, ["run.json", "z", ".lock", "a"], now)
     assert gone == ["a", "z", "run.json"]
-
-
-def test_a_packed_text_does_not_say_when_it_was_written(tmp_path):
-    with written_as_text(tmp_path / "a.gz") as file:
-        file.write("x")
-    assert (tmp_path / "a.gz").read_bytes()[4:8] == bytes(4)

@@ -4,6 +4,7 @@ have to say.
 
 import zipfile
 from contextlib import contextmanager
+from struct import pack
 
 import h5py
 import numpy as np
@@ -92,6 +93,13 @@ def other_workbook(path, rows):
 def ods_cell(cell):
     kind = '"string"' if isinstance(cell, str) else f'"float" office:value="{cell}"'
     return f"<table:table-cell office:value-type={kind}><text:p>{cell}</text:p></table:table-cell>"
+
+
+def xlsb_record(kind, *numbers, value=b""):
+    """A record of an .xlsb that begins with numbers of four bytes."""
+    content = pack(f"<{len(numbers)}I", *numbers) + value
+    head = bytes([kind]) if kind < 128 else bytes([kind & 127 | 128, kind >> 7])
+    return head + bytes([len(content)]) + content
 
 
 def element(kind, content):

@@ -66,6 +66,7 @@ def test_a_library_that_is_missing(tmp_path, monkeypatch, reader, module, librar
         (FileNotFoundError(2, "none"), DataError, "a.csv: cannot be read: none"),
         (OSError("odd\n end"), DataError, "a.csv: the file is damaged, or is no text: odd end"),
         (KeyError(), DataError, "a.csv: the file is damaged, or is no text: KeyError"),
+        # SciPy reads a variable before it has a value
         (UnboundLocalError("x"), DataError, "a.csv: the file is damaged, or is no text: x"),
         (DataError("is odd"), DataError, "a.csv: is odd"),
         (DataError("a.csv:row 2: is odd"), DataError, "a.csv:row 2: is odd"),

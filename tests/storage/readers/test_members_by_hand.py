@@ -48,8 +48,8 @@ def numbers(values, **noted):
     return array_of(lambda selection: array[selection or ...], array.shape, Noted(**noted))
 
 
-def tree(members, kind="a group"):
-    return group_of(kind, list(members), lambda name: members[name])
+def tree(members):
+    return group_of("a group", list(members), lambda name: members[name])
 
 
 def test_sizes_and_order_of_members():

@@ -6,7 +6,7 @@ from struct import pack
 from types import SimpleNamespace
 
 import pytest
-from reading import workbook
+from reading import workbook, xlsb_record
 
 from mapmore_cli.storage.workbooks import __main__ as program
 from mapmore_cli.storage.workbooks import binary, markup, xlsb
@@ -160,25 +160,26 @@ def test_lengths_of_records_have_seven_bits_in_a_byte():
     assert xlsb._text(b"??" + pack("<I", 2) + "äb".encode("utf-16-le") + b"!", 2) == ("äb", 10)
 
 
-def of_xlsb(kind, *numbers, value=b""):
-    """Return a record of an .xlsb that begins with numbers of four bytes."""
-    content = pack(f"<{len(numbers)}I", *numbers) + value
-    head = bytes([kind]) if kind < 128 else bytes([kind & 127 | 128, kind >> 7])
-    return head + bytes([len(content)]) + content
-
-
 def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
     monkeypatch.setattr(xlsb, "_key_of_sheet", lambda *_: "")
     monkeypatch.setattr(xlsb, "part_of_sheet", lambda *_: "sheet")
-    formats = of_xlsb(44, value=pack("<HI", 164, 2) + "0%".encode("utf-16-le"))
+    formats = xlsb_record(44, value=pack("<HI", 164, 2) + "0%".encode("utf-16-le"))
     # only the styles between 617 and 618 are those of cells
-    styles = [of_xlsb(47, value=pack("<2H", 0, number)) for number in (10, 0, 164, 10)]
-    styles = styles[0] + of_xlsb(617) + styles[1] + styles[2] + of_xlsb(618) + styles[3]
+    styles = [xlsb_record(47, value=pack("<2H", 0, number)) for number in (10, 0, 164, 10)]
+    styles = styles[0] + xlsb_record(617) + styles[1] + styles[2] + xlsb_record(618) + styles[3]
     own = [
-        *(of_xlsb(60, 1, 2, 0, 0, value=b"\1\0"), of_xlsb(60, 4, 5, 0, 0, value=b"\2\0")),
-        *(of_xlsb(0, 3, 0, 0), of_xlsb(0, 7, 0, value=bytes([0, 0, 0, 16]))),
-        *(of_xlsb(5, 2, 1, 0, 0), of_xlsb(5, 3, 2, 0, 0), of_xlsb(3, 4, 0, value=b"\x2a")),
-        *(of_xlsb(11, 5, 0, value=b"\0"), of_xlsb(8, 6, 0, 0), of_xlsb(176, 1, 3, 0, 2)),
+        *(xlsb_record(60, 1, 2, 0, 0, value=b"\1\0"), xlsb_record(60, 4, 5, 0, 0, value=b"\2\0")),
+        *(xlsb_record(0, 3, 0, 0), xlsb_record(0, 7, 0, value=bytes([0, 0, 0, 16]))),
+        *(
+            xlsb_record(5, 2, 1, 0, 0),
+            xlsb_record(5, 3, 2, 0, 0),
+            xlsb_record(3, 4, 0, value=b"\x2a"),
+        ),
+        *(
+            xlsb_record(11, 5, 0, value=b"\0"),
+            xlsb_record(8, 6, 0, 0),
+            xlsb_record(176, 1, 3, 0, 2),
+        ),
     ]
     parts = {"xl/styles.bin": formats + styles, "xl/workbook.bin": b""}
 
@@ -192,7 +193,11 @@ def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
         *((7, 5, 7, 5, "#NULL!"), (1, 0, 3, 2, ""), (7, 6, 7, 6, NEVER_COMPUTED)),
     ]
     assert facts() == found
-    for computed in (of_xlsb(8, 1, 0, 1), of_xlsb(9, 1, 0, 0, 0), of_xlsb(10, 1, 0, value=b"\1")):
+    for computed in (
+        xlsb_record(8, 1, 0, 1),
+        xlsb_record(9, 1, 0, 0, 0),
+        xlsb_record(10, 1, 0, value=b"\1"),
+    ):
         assert facts(computed) == found[:-1]
 
 
