@@ -347,7 +347,7 @@ class _Run:
                 self.progress,
                 self.warn,
                 needed,
-                as_found(self.loaded, self.run_dir).resolved,
+                plan.loaded.resolved,
                 self.loaded.spec.model.type == AUTO,
                 self.loaded.tables,
             )

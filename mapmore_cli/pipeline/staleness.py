@@ -137,13 +137,15 @@ LONGEST_REASON = 6
 class StagePlan:
     """Plan of a stage: the inputs and settings with which it would run now.
 
-    `part` is the stage's part of the spec. `now` is the entry that the stage would have in the
-    record; its outputs are the committed files that still exist. `reason` says why the stage must
-    run; it is None if the stage is up to date. For such a stage, `now` has the present times of the
-    files, so that the next run need not read them again.
+    `loaded` is the spec with which it would run: after a search, it has the structure that was
+    found. `part` is the stage's part of this spec. `now` is the entry that the stage would have in
+    the record; its outputs are the committed files that still exist. `reason` says why the stage
+    must run; it is None if the stage is up to date. For such a stage, `now` has the present times
+    of the files, so that the next run need not read them again.
     """
 
     stage: Stage
+    loaded: LoadedSpec
     part: object
     now: StageRecord
     needed: tuple[Needed, ...]
@@ -163,7 +165,8 @@ def plan_stages(
     `stages` is not None, it replaces the stages of the `pipeline`.
 
     After a search, later stages use the structure that the search found. If the search has no
-    result yet, the plans of later stages are unknown, and the plan of the search is the last.
+    result yet, or only that of an earlier spec or of earlier data, the plans of later stages are
+    unknown, and the plan of the search is the last.
 
     Raises DataError if a source is missing or cannot be read.
     """
@@ -188,12 +191,14 @@ def plan_stages(
         reasons = ["forced"] if force else _reasons(stage, known, now, previous)
         if more := reasons[LONGEST_REASON:]:
             reasons = [*reasons[:LONGEST_REASON], f"and {len(more)} more"]
-        yield StagePlan(stage, part, now, needed, "; ".join(reasons) or None)
+        yield StagePlan(stage, loaded, part, now, needed, "; ".join(reasons) or None)
         before, previous = mark, stage.name
         if stage.name == until:
             return
         if stage.name == SEARCH_STAGE:
-            loaded = as_found(loaded, run_dir)
+            finished = load_records(run_dir).get(SEARCH_STAGE)
+            if finished is not None and finished.fingerprint == mark:
+                loaded = as_found(loaded, run_dir)
             if loaded.spec.model.type == AUTO:
                 return
 

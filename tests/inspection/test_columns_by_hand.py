@@ -37,6 +37,7 @@ from mapmore_cli.annexes.drafting.names import (
 )
 from mapmore_cli.annexes.drafting.page import drawing
 from mapmore_cli.annexes.drafting.spelling import spelt, words
+from mapmore_cli.annexes.drafting.understanding import _measured
 from mapmore_cli.annexes.drafting.written_columns import with_strain
 from mapmore_cli.domain.errors import UsageError
 
@@ -320,6 +321,23 @@ def test_conditions_are_in_the_units_of_models():
     (found,), remarks = told_by_names(["P=100", "P=200", "P=400"])
     assert (found.quantity, found.values, found.sure) == ("pressure", (100, 200, 400), True)
     assert (told_by_names(["P=100", "P=200"], known=["pressure"])) == ([], [])
+
+
+@pytest.mark.parametrize(
+    ("numbers", "means", "wave", "measured"),
+    [
+        ((1, 2, 3), (0.1, 0.2, 0.3), 0.02, True),
+        ((1, 2, 3), (0.1, 0.2, 0.3), 0.03, False),  # moves about as much as it is set
+        ((1, 2, 3), (-0.1, -0.2, -0.3), 0.0, True),
+        ((1, 2, 3), (0.1, 0.2, 0.32), 0.0, False),
+        ((1, 2, 2), (0.1, 0.2, 0.2), 0.0, False),
+        ((1, 2), (0.1, 0.2), 0.0, False),
+    ],
+)
+def test_set_points_in_names_of_what_a_column_measures(numbers, means, wave, measured):
+    table = {0: column([5, 6], [6, 5]), 1: column(*([m - wave, m + wave] for m in means))}
+    found = _measured(Condition("bag", "", numbers), table)
+    assert found is (table[1] if measured else None)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,12 @@ from mapmore_cli.annexes.drafting.studies import Study
 from mapmore_cli.checking.evidence import FEWEST, ROUNDING, same_signals
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.modelling.signals.sampling import correlation
+
+FEWEST_SET_POINTS, SAME_SET_POINT = 3, 0.999
+"""Fewest different numbers in names of files, and their correlation with the means of a column from
+which on they are the set points of what the column measures: any two numbers are correlated.
+"""
 
 
 @dataclass(frozen=True)
@@ -147,18 +153,40 @@ def _conditions_of(
 ) -> tuple[list[Condition], str]:
     """Return the quantities whose values stand in names of files, and a remark about the numbers in
     names that are not used. If a person names the inputs, a number without a unit is used only if
-    the person names it.
+    the person names it. It is not used either if a column measures the same quantity.
     """
     wanted = answers.inputs or {}
     renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
     measured = [one.quantity for one in _found(table, wanted)]  # names of known quantities
     conditions, unused = told_by_names(study.names, answers.hold, [*columns, *renamed, *measured])
-    if answers.inputs is not None:
-        needed = {*wanted, answers.hold.name if answers.hold else ""}
-        others = [one for one in conditions if not one.unit and one.quantity not in needed]
-        conditions = [one for one in conditions if one not in others]
-        unused += [f"{one.quantity} (name it with --inputs to use it)" for one in others]
+    needed = {*wanted, answers.hold.name if answers.hold else ""}
+    for one in [one for one in conditions if not one.unit and one.quantity not in needed]:
+        if answers.inputs is not None:
+            why = "name it with --inputs to use it"
+        elif (column := _measured(one, table)) is not None:
+            why = f"the column {column.called} measures it"
+        else:
+            continue
+        conditions.remove(one)
+        unused.append(f"{one.quantity} ({why})")
     return conditions, f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
+
+
+def _measured(condition: Condition, table: Table) -> TitledColumn | None:
+    """Return the column whose mean over each recording is a linear function of the number in the
+    name of the recording, although the column varies far less within a recording than between two:
+    the number is then the set point of what the column measures. None if there is no such column.
+    """
+    numbers = np.array(condition.values)
+    for column in table.values():
+        if len(column.values) != len(numbers) or len(np.unique(numbers)) < FEWEST_SET_POINTS:
+            continue
+        means = np.array([np.mean(one) for one in column.values])
+        within = max(np.std(one) for one in column.values)
+        gap = np.diff(np.sort(means)).max()
+        if within < gap / 4 and abs(correlation(numbers, means)) > SAME_SET_POINT:
+            return column
+    return None
 
 
 def _target_by_titles(
