@@ -13,10 +13,10 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-# largest exponent; with a larger one, the state is practically infinite and the run has diverged
+# limit of the exponent in exp(); beyond this limit, the state is practically infinite
 STEEPEST = 700.0
-# upper bound of p and q in training. With this value, the state has adapted to a reversal after x
-# has moved by about 1e-4 of its training range.
+# upper bound of p and q in training
+# With this bound, the state adapts to a reversal while x moves by 1e-4 of its training range.
 MOST = 1e4
 
 
