@@ -61,8 +61,9 @@ def frols(
 
     In each iteration every unselected regressor is orthogonalised against the selected ones (M2 eq
     2), its coefficient is `g = y'q / q'q` (eq 3) and its error reduction ratio `ERR = g^2 q'q /
-    y'y` (eq 4), with the uncentred `y'y`; the highest wins (eq 5). The coefficients of the original
-    regressors follow from `A theta = g`.
+    y'y` (eq 4), with the uncentred `y'y`; the regressor with the highest ratio is selected (eq 5).
+    The coefficients theta of the original regressors follow from `A theta = g`, in which the unit
+    upper triangular matrix A describes the orthogonalisation.
 
     A tall dictionary is read once, to compute `P'P`, and once more, to compute its triangular
     factor, if `P'P` loses digits. A small or wide dictionary is read for every term. The selection
@@ -222,8 +223,8 @@ def reads_once(n: int, M: int, terms: int) -> bool:
 
 
 def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None) -> Selection:
-    """Select terms with the Gram matrix. If rounding errors of the Gram matrix could affect the
-    choice, select them with explicit remainders.
+    """Select terms with the Gram matrix. If its rounding errors could affect the choice of a term,
+    select the terms with an orthonormal basis instead.
     """
     blocks = blocks if sigma is None else weighted(blocks, sigma)
     matrix, scale, samples = gram(blocks)

@@ -19,7 +19,7 @@ Blocks = Callable[[], Iterable[tuple[Array, Array]]]
 one block after the other.
 """
 
-# number of rows of a block, so that a block of a usual dictionary stays in the processor's cache
+# number of rows of a block; a block of a usual dictionary then stays in the processor's cache
 BLOCK = 4096
 # sums of squares within these limits can be multiplied without overflow or underflow
 SMALLEST, LARGEST = 1e-140, 1e140
@@ -135,7 +135,8 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
     return total, samples
 
 
-CONSTANT = 1e-12  # below this ratio of spread to magnitude, a column counts as constant
+# a column is constant if its standard deviation is at most this fraction of its first value
+CONSTANT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -150,15 +151,18 @@ class Standard:
 
 @dataclass(frozen=True)
 class Moments:
-    """Sums over n rows of `z = (Z - centre)/spread`: `sums` (M+1,) and `products` (M+1, M+1)."""
+    """Sums over n rows of the standardised columns `z = (Z - centre)/spread`. `sums`, (M+1,), holds
+    the sum of each column, and `products`, (M+1, M+1), holds the sum of `z_i z_j` for every two
+    columns i and j.
+    """
 
     samples: int
     sums: Array
     products: Array
 
     def without(self, other: Moments) -> Moments:
-        """Return the moments of the remaining rows if the rows of `other` are removed. `other` must
-        contain the moments of some of these rows.
+        """Return the moments of the rows that remain if the rows of `other` are removed. All rows
+        of `other` must be among the rows of these moments.
         """
         return Moments(
             self.samples - other.samples, self.sums - other.sums, self.products - other.products
