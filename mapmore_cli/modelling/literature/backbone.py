@@ -20,7 +20,9 @@ from mapmore_cli.modelling import literature
 
 
 def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
-    """Return each column as one array that has the chosen samples of all curves."""
+    """Return each column as one array, which contains the chosen samples of all curves one after
+    the other.
+    """
     return {
         name: np.concatenate([curve.columns[name][rows] for curve, rows in parts])
         for name in parts[0][0].columns
@@ -28,7 +30,9 @@ def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
 
 
 def pooled_training(curves: Sequence[Curve]) -> dict[str, Array]:
-    """Return each column as one array that has the training samples of all curves."""
+    """Return each column as one array, which contains the training samples of all curves one after
+    the other.
+    """
     return pooled([(curve, curve.training) for curve in curves])
 
 

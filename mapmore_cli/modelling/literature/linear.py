@@ -59,7 +59,8 @@ def parameter_errors(jacobian: Array, variance: float) -> tuple[Array, int, floa
     solution, shape (n, p). The covariance matrix is `variance (J'J)^-1`.
 
     If the rank is deficient, the errors of parameters that the data cannot distinguish are NaN. The
-    condition number is computed without the singular values that count as zero.
+    condition number is computed without the singular values that are zero apart from rounding
+    errors.
     """
     lengths = _lengths(jacobian)
     _, s, vt = np.linalg.svd(jacobian / lengths, full_matrices=False)

@@ -21,7 +21,7 @@ from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import TrainingData
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-# the number of terms is chosen by free runs over this fraction of each piece, at its end
+# free runs over this fraction at the end of each piece decide how many terms a model has
 LATE = 0.25
 STARTS = 3  # number of sets of starting values (of the operators' parameters) that are refined
 SHORT = 2048  # number of training samples on which the refined sets of starting values are compared
@@ -94,7 +94,8 @@ def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> l
     """Choose and fit the terms of several outputs to the training samples of all pieces. The
     recipes differ only in their target, and share the terms.
 
-    Raises DataError like `fit_with_memory`, and if operators have free parameters.
+    Raises the same DataErrors as `fit_with_memory`, and DataError if operators have free
+    parameters.
     """
     if numbers := left_open(records, recipes[0].dictionary, recipes[0].step).states:
         raise DataError(

@@ -35,8 +35,7 @@ from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 
-# If the training RMSE of a part is below this fraction of max|F|, the weight of the part hardly
-# increases if its RMSE becomes even smaller.
+# an RMSE that falls below this fraction of max|F| hardly increases the weight of its part any more
 GOOD_ENOUGH = 0.01
 
 PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the exponent s3 may be negative or positive
@@ -108,8 +107,8 @@ class SarosiHinged(Formula):
         )
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """Return the formula in its readable form. If `hi - lo` is larger than 700 w, this form
-        overflows, but `predict` does not.
+        """Return the fitted formula in the form that is easiest to read. If `hi - lo` is larger
+        than 700 w, this form overflows. `predict` uses another form, which does not overflow.
         """
         return with_numbers(parse(PRINTED), fit.parameters)
 
