@@ -53,7 +53,8 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     - `n`: number of rows; by default the length of the first column.
 
     Values that are not finite (the logarithm of a negative number, a division by zero) remain in
-    the result, without a warning. Raises `DataError` if a column is missing or has another length.
+    the result, without a warning. Raises `DataError` if a column is missing, or if its length is
+    not n.
     """
     if n is None:
         n = next((len(column) for column in columns.values() if np.ndim(column)), None)
@@ -93,8 +94,8 @@ def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> 
     row (M2 eq 2).
 
     Powers and function values that several terms share are computed once. Raises `NotFinite` with
-    the first row on which a term has no finite value, and DataError if a column is missing or has
-    another length.
+    the first row on which a term has no finite value, and DataError if a column is missing or does
+    not have n rows.
     """
     matrix = np.empty((n, len(terms)), order="F")
     for rows, block in dictionary_blocks(terms, columns, n):
@@ -146,8 +147,8 @@ def dictionary_block(terms: Sequence[Expression]) -> Callable[[Mapping[str, Arra
 
 
 def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, Array]:
-    """Return the columns that occur in the terms. Raises DataError if one is missing or has another
-    length.
+    """Return the columns that occur in the terms. Raises DataError if a column is missing or does
+    not have n rows.
     """
     needed: dict[str, Array] = {}
     for name in sorted(names_in(terms)):

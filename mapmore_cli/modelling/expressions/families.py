@@ -96,8 +96,8 @@ def products(
 
 
 def count_products(states: int, order: int, partners: int) -> int:
-    """Return the number of products that `products` returns for `states` states, of which
-    `partners` are partners. The constant is counted.
+    """Return how many products the function `products` returns, including the constant. `states` is
+    the number of terms in `of`, and `partners` is the number of partners among them.
     """
     whole = partners + order
     # products of partners alone, plus products that contain one state that is no partner

@@ -166,7 +166,7 @@ class Operator:
     """An operator with memory.
 
     - `name`: name in a state, for example `slow` in `slow(pressure, 0.3)`.
-    - `summary`: explanation of its family for the author of a spec.
+    - `summary`: explanation of the operator for the author of a spec.
     - `recursion`: function that returns the rule from one sample to the next.
     - `parameters`: its parameters, in the order of the numbers in the name of a state.
     - `needs`: what training must determine: the `range` of the source, if widths are fractions of
@@ -204,7 +204,9 @@ class Operator:
 
     @property
     def found(self) -> bool:
-        """Return True if training estimates the numbers that a name leaves out."""
+        """Return True if training estimates the numbers of the operator when the name of a state
+        does not contain them.
+        """
         return self.needs == "oscillator" or self.starts is not None
 
     @property

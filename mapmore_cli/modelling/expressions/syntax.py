@@ -270,8 +270,8 @@ def names_in(expressions: Iterable[Expression]) -> frozenset[str]:
 
 
 def with_parts(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
-    """Return the expression in canonical form with `change` applied to each of its parts. A name or
-    a number is returned unchanged.
+    """Return the expression in canonical form with `change` applied to each of its operands. A name
+    or a number has no operands and is returned unchanged.
     """
     match expression:
         case Sum(terms):

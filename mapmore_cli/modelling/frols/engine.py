@@ -42,7 +42,7 @@ from mapmore_cli.modelling.frols.together import Together, chosen_together
 from mapmore_cli.modelling.frols.weighing import Choice, Weighing, reweighted
 
 # If `P` has M columns, computing `P'P` takes about as long as M/16 matrix-vector products with `P`.
-# With an orthonormal basis (`BasisRemainders`), each term needs one such product.
+# With an orthonormal basis (`BasisRemainders`), each term needs one matrix-vector product with `P`.
 GRAM_COLUMNS_PER_TERM = 16
 
 
@@ -65,10 +65,10 @@ def frols(
     The coefficients theta of the original regressors follow from `A theta = g`, in which the unit
     upper triangular matrix A describes the orthogonalisation.
 
-    A tall dictionary is read once, to compute `P'P`, and once more, to compute its triangular
-    factor, if `P'P` loses digits. A small or wide dictionary is read for every term. The selection
-    is the same in all cases. `P` and `y` are not changed, and are copied only if their squares
-    overflow.
+    A tall dictionary (`P` has many more rows than columns) is read once, to compute `P'P`, and once
+    more, to compute its triangular factor, if `P'P` loses digits. A small or wide dictionary is
+    read for every term. The selection is the same in all cases. `P` and `y` are not changed, and
+    are copied only if their squares overflow.
 
     - `P`: candidate regressors, (n, M), in either memory order; `y`: dependent variable, (n,).
     - `max_terms`: largest number of terms (M2 eq 7, read as: stop after so many terms); None for no
@@ -238,7 +238,9 @@ def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None) -> Selecti
 
 
 def _fewer_rows(blocks: Blocks, samples: int, width: int) -> tuple[Array, Array]:
-    """Return `P` and `y` unchanged if they are small, and their triangular factor otherwise."""
+    """Return the arrays `P` and `y` of all blocks if they are small. Otherwise, return their
+    triangular factor, which has fewer rows.
+    """
     if samples * width <= SMALL:
         P, y = map(np.concatenate, zip(*blocks(), strict=True))
         return P, y

@@ -1,4 +1,5 @@
-"""Read a tall dictionary in row blocks, so that it need not fit into memory.
+"""Read a tall dictionary (the matrix P of candidate regressors) in row blocks, so that it need not
+fit into memory.
 
 `Z = [P y]` has the M candidates and the output as columns. Arrays of the shape (M+1,) have one
 value for each column of Z.
@@ -26,7 +27,7 @@ SMALLEST, LARGEST = 1e-140, 1e140
 
 
 def blocks_of_rows(P: Array, y: Array) -> Blocks:
-    """Return the rows of arrays in memory as blocks, which are views of the arrays."""
+    """Return the arrays in memory as row blocks. The blocks are views of the arrays."""
 
     def blocks() -> Iterator[tuple[Array, Array]]:
         for start in range(0, len(y), BLOCK):

@@ -1,10 +1,10 @@
 """Implement regularised FROLS: orthogonal selection on the covariance matrix plus a ridge, backward
 pruning, and the choice of the ridge.
 
-Let z be the centred columns divided by their standard deviations, `G = Z'Z/n + ridge I` and `h =
-Z'y/n`. The selection greedily minimises `theta' G theta - 2 h' theta` (regularised orthogonal least
-squares, with one ridge for all terms). A square root `Q` of G, with `Q'Q = G`, is passed to the
-usual engine in place of the data.
+Let Z be the matrix of the candidates, which are centred and divided by their standard deviations.
+Let `G = Z'Z/n + ridge I` and `h = Z'y/n`. The selection greedily minimises `theta' G theta - 2 h'
+theta` (regularised orthogonal least squares, with one ridge for all terms). A square root `Q` of G,
+with `Q'Q = G`, is passed to the usual engine in place of the data.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def _left_out_error(
     if not len(chosen):
         return float(held.products[-1, -1])
     kept = prune(data, chosen)[:max_terms][-1]
-    combination = np.zeros(len(held.sums))  # residual = combination'z - constant
+    combination = np.zeros(len(held.sums))  # the residual of a row z is combination'z - constant
     combination[[*kept, -1]] = [*-data.coefficients(kept), 1.0]
     constant = float(combination @ training.mean)
     return float(

@@ -1,5 +1,5 @@
-"""Choose the terms of FROLS one by one, for any representation of the remainders, and choose the
-number of terms by a criterion.
+"""Choose the terms of FROLS one by one, and choose the number of terms by a criterion. The
+remainders may be represented in any of the ways in `remainders`.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def greedy(
 
 
 def _highest(err: Array) -> IntArray:
-    """Return the numbers of all candidates that have the highest ERR, apart from rounding errors;
+    """Return the indices of all candidates that have the highest ERR, apart from rounding errors;
     an empty array if every ERR is NaN.
     """
     # `fmax` ignores NaN

@@ -102,8 +102,8 @@ class Weighing:
 
     @cached_property
     def sigma(self) -> Array | None:
-        """Divisor of each row, (n,); None if all samples have the same weight. The weight of a
-        sample is `1/sigma^2`. The divisors are scaled so that the mean weight is one.
+        """Divisor `sigma` of each row, (n,); None if all samples have the same weight. The weight
+        of a sample is `1/sigma^2`. The divisors are scaled so that the mean weight is one.
         """
         sigma = self.uncertainty
         if self.alike and self.curves is not None:
@@ -134,7 +134,7 @@ class Weighing:
         return replace(self, start=start, outlier=outlier)
 
     def rows(self, blocks: Blocks) -> Blocks:
-        """Return the blocks with each row divided by the uncertainty of its sample."""
+        """Return the blocks with each row divided by its `sigma`."""
         return blocks if self.sigma is None else weighted(blocks, self.sigma)
 
     def settled(
@@ -214,9 +214,9 @@ def reweighted(
     select: Callable[[Sequence[Array | None]], Sequence[Selection]],
     only: Sequence[Callable[[IntArray], Blocks]],
 ) -> tuple[Choice, ...]:
-    """Return a weighted selection for each output. For a robust loss, the terms are selected
-    three times: with robust starting weights, with the weights of Huber's loss, and with the
-    weights of the chosen loss. Huber's loss comes first because it has a single minimum.
+    """Return a weighted selection for each output. For a robust loss, the terms are selected three
+    times: with the starting weights, with the weights of Huber's loss, and with the weights of the
+    chosen loss. Huber's loss comes first because it has a single minimum.
 
     Before each of the last two selections, the weights are computed for the terms of the previous
     selection: a least-squares fit and the computation of weights from its residuals alternate, at
@@ -278,9 +278,9 @@ def gross_outlier(P: Array, y: Array) -> tuple[Array, int | None]:
 
 
 def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:
-    """Return the labels of the samples' curves, (n,), replaced by consecutive numbers from 0.
-    Return None if the errors of curves cannot be estimated, because there are fewer than `FEW`
-    curves, or no more curves than terms.
+    """Return the number of each sample's curve, (n,), counted from 0 without gaps. `labels` holds
+    numbers that may have gaps. Return None if the errors of curves cannot be estimated, because
+    there are fewer than `FEW` curves, or no more curves than terms.
     """
     if labels is None:
         return None

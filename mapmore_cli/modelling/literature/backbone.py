@@ -1,7 +1,7 @@
 """Use a formula of the literature as a backbone: MAPMORE is fitted to the residual of this formula.
 
-The outlook of M1 suggests such physics-based static terms. A known formula with a few local
-corrections keeps the model readable.
+The paper M1 suggests physics-based terms in its outlook. A model that consists of a known formula
+and a few local corrections is easy to read.
 """
 
 from __future__ import annotations

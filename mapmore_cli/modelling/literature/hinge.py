@@ -38,7 +38,7 @@ of `lo`, the slope of the foot with the pressure, and the logarithm of the width
 
 # starting values of a3, from a steep decay to a curve that bends upwards
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
-# evaluations for each start; only the best result is improved further
+# largest number of evaluations from each start; only the best result is improved further
 FIRST = 100
 # starting value of w: a sharp hinge, which the search can widen
 START_W = 0.02
@@ -69,7 +69,7 @@ PRIOR_W = 0.03
 INDEPENDENT = 300
 # with at most this many strain levels, any curvature fits; this affects only the text of a note
 FEW_LEVELS = 3
-# Strains that differ by less than this fraction of max|strain| are the same level in this note.
+# strains that differ by less than this fraction of max|strain| are regarded as one strain level
 APART = 0.05
 
 
@@ -151,7 +151,7 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
     q, touched = onto_bounds(best.x, bounds)
     residual, slopes = problem.of_data(q)
     _, rank, condition = linear.parameter_errors(slopes, 0.0)
-    # positive, because `sarosi_hinged` refuses data with fewer samples than its own 17 parameters
+    # `freedom` is positive, because `sarosi_hinged` has 17 parameters and refuses fewer samples
     freedom = float(problem.root @ problem.root) - len(NAMES)
     variance = float(residual @ residual) / freedom
     errors, _, _ = linear.parameter_errors(problem.system(q)[1], variance)

@@ -11,8 +11,8 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 
 RANK_TOLERANCE = 1e-13
-"""Singular values below this fraction of the largest count as rounding. Exactly dependent columns
-leave about 1e-16.
+"""Singular values below this fraction of the largest one are regarded as rounding errors. Exactly
+dependent columns leave about 1e-16.
 """
 
 SHARE = 0.1

@@ -40,8 +40,8 @@ def formula_model(
     training: Sequence[CurveRange],
     quantities: Mapping[str, Quantity],
 ) -> Model:
-    """Return a fitted formula as a model. The range of its inputs is that of the `training` curves,
-    which are in the order of their levels.
+    """Return a fitted formula as a model. The model contains the range of its inputs in each
+    `training` curve, in the order of the levels.
     """
     inputs = sorted({*literature.of(fit).inputs, *([level] if level is not None else [])})
     ordered = sorted(training, key=lambda curve: (curve.level is not None, curve.level))
@@ -81,7 +81,7 @@ def where_finite(
     }
     n = row_count(columns)
     finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, values.values())])
-    # terms may overflow far outside the data, and rows with a NaN are replaced below
+    # no warnings: terms may overflow far outside the data, and rows with NaN are replaced below
     with np.errstate(all="ignore"):
         return np.where(finite, value(values, n), np.nan)
 

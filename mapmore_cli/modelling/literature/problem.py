@@ -207,8 +207,8 @@ SCATTER = 0.1
 """Fraction of the smallest distance between two levels within which values are nominally equal."""
 
 VALUES_A_LEVEL = 5
-"""Smallest mean number of distinct values at a level for which they count as scatter; fewer values
-may be separate levels.
+"""Smallest mean number of distinct values at a level for which their differences are regarded as
+scatter. Fewer values may be separate levels.
 """
 
 

@@ -129,7 +129,7 @@ def _starts(problem: LeastSquares) -> list[Array]:
     smallest sums of squares among many further random points.
     """
     places = [*drawn_starts(problem.nonlinear, PLACES, SEED + 1)]
-    with np.errstate(all="ignore"):  # where the formula overflows, the sum is not finite
+    with np.errstate(all="ignore"):  # if the formula overflows, the sum of squares is infinite
         order = np.argsort([_projected_sse(problem, place) for place in places], kind="stable")
     return [*drawn_starts(problem.nonlinear), *(places[i] for i in order[:BEST_PLACES])]
 
@@ -284,8 +284,8 @@ def simplex(problem: LeastSquares) -> Solution:
 def _best_solution(
     problem: LeastSquares, ends: Sequence[End], starts: int, method: str
 ) -> Solution:
-    """Return the result with the smallest sum of squares, and its rivals. Results whose nonlinear
-    parameters have a sign that their intervals allow are preferred.
+    """Return the result with the smallest sum of squares, and its rivals. Results are preferred in
+    which every nonlinear parameter has a sign that its intervals allow.
     """
     if not ends:
         return failure(problem, method)

@@ -1,9 +1,9 @@
 """Write the statements that compute one sample of a model with memory: its states, and the sum of
 its terms.
 
-A term `D_j = own_j input_j` is a product of two factors. One factor depends on fed-back states, and
-the other depends on inputs. Exported programs compute both factors at each sample. Training and
-prediction compute the factor of the inputs for all samples in advance.
+A term `D_j = own_j input_j` is a product of two factors. The factor `own_j` depends on fed-back
+states, and the factor `input_j` depends on inputs. Exported programs compute both factors at each
+sample. Training and prediction compute the factor of the inputs for all samples in advance.
 """
 
 from __future__ import annotations

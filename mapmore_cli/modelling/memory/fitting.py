@@ -92,7 +92,7 @@ def fit_with_memory(
 
 def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> list[MemoryFit]:
     """Choose and fit the terms of several outputs to the training samples of all pieces. The
-    recipes differ only in their target, and share the terms.
+    recipes differ only in their targets. All outputs get the same terms.
 
     Raises the same DataErrors as `fit_with_memory`, and DataError if operators have free
     parameters.

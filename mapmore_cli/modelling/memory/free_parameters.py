@@ -91,7 +91,7 @@ class Unknown:
         return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
 
     def those_of(self, part: Unknown) -> BoolArray:
-        """Return a mask, (m,), that is True for the parameters in `part`. `part` holds the unknown
+        """Return a mask, (m,), that is True for the parameters in `part`. `part` holds the free
         parameters of a subset of the terms.
         """
         return np.array([operated in part.states for operated, _ in self.places], dtype=np.bool_)

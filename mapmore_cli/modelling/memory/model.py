@@ -187,8 +187,8 @@ class MemoryVerbs(Verbs):
         """Return the output at rest for constant inputs, shape (n,). If the output is fed back, its
         value at rest is found by Steffensen's method.
 
-        Coefficients have the shape (k,), or (k, n) if they differ between rows. Raises FitError if
-        the output does not come to rest.
+        The coefficients of the model have the shape (k,), or (k, n) if they differ between the rows
+        of `columns`. Raises FitError if the output does not come to rest.
         """
         from scipy.optimize import fixed_point
 

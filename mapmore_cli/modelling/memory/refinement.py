@@ -1,5 +1,6 @@
-"""Find the coefficients with the smallest simulation error, by the Levenberg-Marquardt method on
-free runs of growing horizons.
+"""Find the coefficients with the smallest simulation error, by the Levenberg-Marquardt method. The
+simulated runs restart from measured outputs after a number of samples, the horizon. The horizon
+grows during the search, until the runs never restart (free run).
 
 One step ahead, the noise of the measured outputs biases the coefficients. A free run does not use
 measured outputs. But its squared error is no quadratic function of the coefficients, and with
@@ -31,12 +32,12 @@ GROWTH = 8  # factor from one horizon to the next
 # the search ends if the next horizon is less than this multiple of the last one without divergence
 LEAST_GROWTH = 1.2
 DAMPING = 1e-3  # Levenberg-Marquardt factor at the start
-# largest Levenberg-Marquardt factor; if no step reduces the error up to this factor, the search ends
+# largest Levenberg-Marquardt factor; if no step reduces the error even then, the search ends
 MOST_DAMPING = 1e8
 # largest number of iterations of a search, and relative decrease of the error at which it ends
-THOROUGH = (40, 1e-7)  # for a search with free runs
-QUICK = (6, 1e-2)  # for a search with runs over a horizon
-# for a search that begins at an earlier fit to more samples, as in cross-validation
+THOROUGH = (40, 1e-7)  # limits of a search with free runs
+QUICK = (6, 1e-2)  # limits of a search with runs over a horizon
+# limits of a search that begins at an earlier fit to more samples, as in cross-validation
 COARSE = (40, 1e-4)
 # step of the difference quotient for the derivative with respect to a parameter of an operator
 NUDGE = 1e-5
@@ -232,10 +233,10 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
 def minimise(
     problem: FreeRunProblem, start: Array, horizon: int | None, effort: tuple[int, float]
 ) -> Point:
-    """Search by the Levenberg-Marquardt method with runs of `horizon` samples (None for free runs).
-    A step is rejected if it raises the error or if its run diverges. The pair `effort` contains the
-    largest number of iterations, and the relative decrease of the error below which the search
-    stops.
+    """Search the smallest error by the Levenberg-Marquardt method, and return the best point. The
+    runs restart after every `horizon` samples (None for free runs). A step is rejected if it raises
+    the error or if its run diverges. The pair `effort` contains the largest number of iterations,
+    and the relative decrease of the error below which the search stops.
 
     SciPy's trust-region method is not used, because it ends in other minima, which are on average
     not lower.

@@ -26,8 +26,8 @@ DIVERGED = 100.0
 class Trajectory:
     """A simulated run, and the samples at which it was restarted from measured outputs.
 
-    - `values`: (q, n) the output, and all other values that are needed at later samples. If the
-      run diverged, it has fewer samples than the piece.
+    - `values`: (q, n) the output, and all other values that are needed at later samples. If the run
+      diverged, n is smaller than the number of samples in the piece.
     - `begins`: (n,) for each sample, the sample at which its run was last restarted.
     """
 

@@ -24,7 +24,9 @@ BEYOND = 100.0
 
 
 def slow(setting: Setting) -> Recursion:
-    """Return the rule `s[k] = a s[k-1] + (1 - a) x[k]` with `a = exp(-step/tau)`."""
+    """Return the rule `s[k] = a s[k-1] + (1 - a) x[k]` with `a = exp(-step/tau)`. Here, tau is the
+    time constant, and step is the time between samples.
+    """
     a = math.exp(-setting.step / setting.numbers[0])
     return linear([a], [1 - a])
 

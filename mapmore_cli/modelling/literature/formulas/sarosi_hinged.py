@@ -58,9 +58,9 @@ class SarosiHinged(Formula):
         formula.
 
         `method` is the method for the plain formula. Each parameter has its standard error from the
-        fit of the hinged or of the plain part; the share has no standard error. Status and
-        condition number are those of the part with the larger share. Raises the same errors as
-        `Formula.fit`.
+        fit of the hinged or of the plain part. `share`, the weight of the hinged part, has no
+        standard error. Status and condition number are those of the part with the larger weight.
+        Raises the same errors as `Formula.fit`.
         """
         problem = self.problem(columns, y)
         columns, y = problem.columns, problem.y

@@ -188,8 +188,9 @@ class HysteresisLoss(Formula):
 def lehr(parameters: Mapping[str, float], pressure: Array) -> Array:
     """Return `zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, shape (n,).
 
-    The result is not limited to [0, 1]. If the muscle is almost slack, the energy U_u of the stroke
-    is nearly zero, and zeta becomes infinite. It is also infinite if U_u overflows.
+    U_u and U_l are the energies of a stroke on the upper and on the lower branch of a load cycle.
+    The result is not limited to [0, 1]. If the muscle is almost slack, U_u is nearly zero, and zeta
+    becomes infinite. It is also infinite if U_u overflows.
     """
     upper, lower = (_curve(parameters, branch, pressure) for branch in ("au", "al"))
     start = parameters["strain_min"]
