@@ -57,7 +57,7 @@ LARGEST_W = 0.3
 PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
 # centre of the prior of a3/max|strain|, the exponent per unit of strain
 DECAY = -33.0
-# lower limit of the centre of the prior of a3, which is DECAY times the largest strain
+# The centre of the prior of a3, DECAY times the largest strain, is not lower than this number.
 STEEPEST = -12.0
 # The weight of the prior of a3 is this number divided by the largest strain.
 # A small range of strain hardly determines a3, so that its prior needs a larger weight.
