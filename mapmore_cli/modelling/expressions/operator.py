@@ -197,8 +197,8 @@ class Operator:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Return how many numbers the name of a state may contain. Zero is possible if training can
-        estimate the numbers.
+        """Return the possible counts of numbers in the name of a state, for example `(0, 2)`. The
+        count 0 is possible if training can estimate the numbers.
         """
         return (0, len(self.parameters)) if self.found else (len(self.parameters),)
 

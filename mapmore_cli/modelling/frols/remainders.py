@@ -77,8 +77,8 @@ class Remainders:
 
 
 class GramRemainders(Remainders):
-    """Remainders of which only the inner products are computed, in O(M k) per step. `matrix` is the
-    Gram matrix `Z'Z` of scaled columns, shape (M+1, M+1).
+    """Remainders of which only the inner products are computed. A step needs O(M k) operations if k
+    terms have been chosen. `matrix` is the Gram matrix `Z'Z` of scaled columns, shape (M+1, M+1).
 
     The `blocks` of the dictionary are read once more if the residual is so small that `y'y` does
     not have enough digits to compute it.

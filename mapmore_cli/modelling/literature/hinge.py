@@ -1,4 +1,5 @@
-"""Fit Sárosi's formula with a foot for the slack muscle to normalised data.
+"""Fit Sárosi's formula with a foot to normalised data. The foot is a plane that describes the small
+forces of the slack muscle.
 
 With p = P/max|P|, x = strain/max|strain| and f = F/max|F| (any target F), the formula is
 

@@ -48,7 +48,7 @@ def solve_linear(phi: Array, y: Array) -> LinearFit:
     basis = u * above
     components = basis.T @ y
     residual = basis @ components - y
-    # a second orthogonalisation, because a small residual has lost digits
+    # orthogonalise a second time, because a small residual has lost digits
     residual -= basis @ (basis.T @ residual)
     weights = np.divide(components, s, out=np.zeros_like(s), where=above)
     return LinearFit(vt.T @ weights / lengths, basis, residual)

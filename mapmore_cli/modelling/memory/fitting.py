@@ -171,7 +171,7 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
         choice = training.selector.best()
         chosen = choice.selection.chosen
         if not len(best):
-            # returned if no set of starting values has a finite free run
+            # this set is returned if no set of starting values has a finite free run
             best = searched
         part = numbers.those_of(training.open_in(chosen))
         problem = training.problem(chosen, short, search=True)

@@ -79,7 +79,7 @@ class Unknown:
         return np.where(positive, np.log(np.where(positive, numbers, 1.0)), numbers)
 
     def searched(self, numbers: Sequence[float]) -> Array:
-        """Return the search coordinates of parameters, (m,)."""
+        """Return the search coordinates, (m,), of the parameter values `numbers`."""
         return self._place(np.clip(numbers, *self.limits))
 
     def numbers(self, searched: Array, digits: int = 17) -> tuple[float, ...]:

@@ -125,9 +125,9 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
 
 
 def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]) -> Expression:
-    """Write the statements that compute `constant + sum_j theta_j D_j`. Terms without fed-back
-    states are added first, in the same order as in a free run of `simulation`, so that rounding
-    errors are equal too.
+    """Write the statements that compute `constant + sum_j theta_j D_j`, in which `D_j` is term j
+    and `theta_j` is its coefficient. Terms without fed-back states are added first, in the same
+    order as in a free run of `simulation`, so that rounding errors are equal too.
     """
     parts = parts_of_terms(model.terms, fed_back_states(model.states, model.output))
     sums: dict[int, list[Expression]] = {group: [] for group in range(len(parts.owns))}

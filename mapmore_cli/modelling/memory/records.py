@@ -16,8 +16,8 @@ from mapmore_cli.modelling.signals.sampling import UNEVEN, cut_after, steps_wher
 
 
 class AtSample(DataError):
-    """An error at one `sample`, counted from 0 in the columns that were passed. `fault` is the
-    message without the number of the sample.
+    """An error at one `sample`, counted from 0 in the given columns. `fault` is the message without
+    the number of the sample.
     """
 
     def __init__(self, sample: int, fault: str, remedy: str | None) -> None:

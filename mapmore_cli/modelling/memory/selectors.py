@@ -133,7 +133,7 @@ class _Plain:
             refuse_beyond_memory(len(data.terms))
 
     def best(self) -> TermChoice:
-        """Return the model with the number of terms that the recipe's rule chooses."""
+        """Return the model whose number of terms is chosen by the stopping rule of the recipe."""
         recipe = self.recipe
         every = np.arange(len(self.data.terms))
         rule = () if recipe.stop == "free_run" else (recipe.tolerance, recipe.stop)

@@ -19,7 +19,7 @@ STARTS = ((0.02,), (0.05,), (0.1,), (0.2,), (0.35,))
 
 def play_recursion(setting: Setting) -> Recursion:
     """Return the rule `w[k] = min(max(w[k-1], x[k] - width), x[k] + width)` with `w[0] = x[0]`;
-    `width` is half the gap.
+    `width` is half the gap of the backlash.
 
     A sum of such operators is the Prandtl-Ishlinskii model (P. Krejci, K. Kuhnen 2001).
     """

@@ -7,8 +7,8 @@ from mapmore_cli.modelling.literature.problem import Intervals, Nonlinear
 
 # Bounds of a3*max|strain|. In every publication, the exponent a3 is negative (about -8 in W).
 # With a positive exponent, the force would fall steeply outside the training data.
-# At the bound -50, the exponential falls to 37 % within 1/50 of the largest strain.
-# Between -1e-3 and 0, the exponential is almost a straight line, like the linear terms.
+# If a3*max|strain| is -50, the exponential falls to 37 % within 1/50 of the largest strain.
+# If a3*max|strain| is between -1e-3 and 0, the exponential is almost a straight line.
 DECAY = ((-50.0, -1e-3),)
 
 STARTS = {
