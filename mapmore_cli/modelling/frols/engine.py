@@ -105,7 +105,7 @@ def frols(
 def choose(
     P: ArrayLike, y: ArrayLike, stopping: Stopping, weighing: Weighing | None = None
 ) -> Choice:
-    """Choose terms like `frols`, without names and without standard errors."""
+    """Choose terms as `frols` does, but without names and without standard errors."""
     P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
         raise ValueError(
@@ -176,7 +176,7 @@ def frols_together(
 
 
 def choose_together(problems: Sequence[Regression], stopping: Stopping) -> tuple[Choice, ...]:
-    """Choose terms like `frols_together`, without standard errors."""
+    """Choose terms as `frols_together` does, but without standard errors."""
 
     def select(sigmas: Sequence[Array | None]) -> Sequence[Selection]:
         if len(problems) == 1:

@@ -264,7 +264,7 @@ def gross_outlier(P: Array, y: Array) -> tuple[Array, int | None]:
 
     The residuals are zero if too few degrees of freedom remain to detect an outlier.
     """
-    # columns may be equal, so dependent directions are dropped
+    # columns may be equal, so that directions with a singular value near zero are dropped
     Q, values, _ = np.linalg.svd(P / (np.linalg.norm(P, axis=0) + (P == 0).all(axis=0)), False)
     Q = Q[:, values > DEPENDENT * values[0]]
     n, k = Q.shape

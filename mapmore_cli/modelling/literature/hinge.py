@@ -35,7 +35,7 @@ of `lo`, the slope of the foot with the pressure, and the logarithm of the width
 
 
 # Constants of the fit, each with its reason.
-# `docs/formula_tables.py RUNS hinge` shows the errors if one constant is halved or doubled.
+# `docs/formula_tables.py RUNS hinge` shows the errors with half and with twice each constant.
 
 # starting values of a3, from a steep decay to a curve that bends upwards
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)

@@ -34,10 +34,10 @@ LEAST_GROWTH = 1.2
 DAMPING = 1e-3  # Levenberg-Marquardt factor at the start
 # largest Levenberg-Marquardt factor; if no step reduces the error even then, the search ends
 MOST_DAMPING = 1e8
-# largest number of iterations of a search, and relative decrease of the error at which it ends
-THOROUGH = (40, 1e-7)  # limits of a search with free runs
-QUICK = (6, 1e-2)  # limits of a search with runs over a horizon
-# limits of a search that begins at an earlier fit to more samples, as in cross-validation
+# Each pair limits a search by the number of iterations and by the relative decrease of the error.
+THOROUGH = (40, 1e-7)  # iterations and smallest relative decrease for free runs
+QUICK = (6, 1e-2)  # iterations and smallest relative decrease for runs over a horizon
+# iterations and smallest relative decrease if the search begins at an earlier fit to more samples
 COARSE = (40, 1e-4)
 # step of the difference quotient for the derivative with respect to a parameter of an operator
 NUDGE = 1e-5

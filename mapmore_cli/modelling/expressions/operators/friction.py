@@ -15,7 +15,7 @@ from mapmore_cli.modelling.expressions.operator import (
 
 # starting values of v in the search, as fractions of the training range of x
 WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)
-# smallest and largest v: tanh(x/v) is almost a jump for the first, and almost linear for the second
+# smallest v, with which tanh(x/v) is almost a jump, and largest v, with which it is almost linear
 FINEST, COARSEST = 1e-4, 4.0
 
 

@@ -29,7 +29,7 @@ from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, Formula, with_
 from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
 from mapmore_cli.modelling.literature.problem import finite
 
-SHORTEST = 1.0  # largest strain at which the free strain is searched
+SHORTEST = 1.0  # the free strain is searched up to this strain
 # number of bisections; they shorten an interval of length one to the size of rounding errors
 BISECTIONS = 60
 
