@@ -21,6 +21,7 @@ TIE_TOLERANCE = 1e-9
 RANK_TOLERANCE = 1e-24
 
 # `q'q` is updated by subtraction; below this fraction of `p'p`, it has lost too many digits
+# Tolerances from 1e-4 to 1e-10 also work.
 PIVOT_TOLERANCE = 1e-6
 # The residual sum of squares is updated by subtraction in each step.
 # Below this fraction of the last exact value, the residual sum of squares is computed exactly.

@@ -260,7 +260,8 @@ def gross_outlier(P: Array, y: Array) -> tuple[Array, int | None]:
     short segment. To detect such an outlier, each sample is compared with a fit to all other
     samples. Its residual in units of the standard deviation is `t_i = r_i / (s_i sqrt(1 - h_i))`
     with `s_i^2 = (r'r - r_i^2/(1 - h_i))/(n - k - 1)` (Cook and Weisberg 1982, eq 2.1.15). The
-    outlier must get no weight at all, because Huber's small weight is enough to bend the fit again.
+    outlier must get practically no weight, because Huber's small weight is enough to bend the fit
+    again.
 
     The residuals are zero if too few degrees of freedom remain to detect an outlier.
     """
