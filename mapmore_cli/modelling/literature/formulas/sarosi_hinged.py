@@ -35,7 +35,7 @@ from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 
-# an RMSE that falls below this fraction of max|F| hardly increases the weight of its part any more
+# an RMSE below this fraction of max|F| hardly increases the weight of the hinged or plain part
 GOOD_ENOUGH = 0.01
 
 PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the exponent s3 may be negative or positive
