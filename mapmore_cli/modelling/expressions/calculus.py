@@ -28,8 +28,8 @@ from mapmore_cli.modelling.expressions.syntax import (
 
 
 def derivative(expression: Expression, name: str) -> Expression:
-    """Return `d expression / d name` in canonical form. At the kinks of `abs` and `sign` the
-    derivative is zero.
+    """Return the derivative `d expression / d name` in canonical form. The derivative of `abs(x)`
+    is `sign(x)`, which is zero for x = 0, and the derivative of `sign(x)` is zero for every x.
     """
     if name not in expression.names:
         return ZERO
@@ -87,7 +87,7 @@ def affine(expression: Expression, slope: float, intercept: float) -> Expression
     `(expression - centre)/width`.
 
     For a negative slope, the result is `(centre - expression)/width`, so that the width is
-    positive. The input form is that of M2 eq 8, `m x + c`.
+    positive. `slope` and `intercept` are m and c in M2 eq 8, `m x + c`.
 
     Examples
     --------

@@ -41,7 +41,7 @@ class NotFinite(DataError, ValueError):
         self.row = row
 
 
-# number of rows that are evaluated at once, so that a block stays in the processor's cache
+# number of rows in a block; the values of so few rows stay in the processor's cache
 BLOCK = 8192
 
 
@@ -53,7 +53,8 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
     - `n`: number of rows; by default the length of the first column.
 
     Values that are not finite (the logarithm of a negative number, a division by zero) remain in
-    the result, without a warning. Raises `DataError` if a column is missing or has another length.
+    the result, without a warning. Raises `DataError` if a column is missing, or if its length is
+    not n.
     """
     if n is None:
         n = next((len(column) for column in columns.values() if np.ndim(column)), None)
@@ -69,8 +70,9 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
 
 
 def folded(expression: Expression) -> Expression:
-    """Return the expression with each part that contains no name replaced by its value. A constant
-    divisor is not combined with other numbers.
+    """Return the expression, in which every part without variables is replaced by its numerical
+    value. A constant divisor remains a divisor: for example, `2*y/620` is not changed to a multiple
+    of y.
 
     Examples
     --------
@@ -92,7 +94,8 @@ def dictionary_matrix(terms: Sequence[Expression], columns: Columns, n: int) -> 
     row (M2 eq 2).
 
     Powers and function values that several terms share are computed once. Raises `NotFinite` with
-    the first row on which a term has no finite value, and `DataError` like `evaluate`.
+    the first row on which a term has no finite value, and DataError if a column is missing or does
+    not have n rows.
     """
     matrix = np.empty((n, len(terms)), order="F")
     for rows, block in dictionary_blocks(terms, columns, n):
@@ -114,9 +117,10 @@ def dictionary_blocks(
 
 
 def dictionary_block(terms: Sequence[Expression]) -> Callable[[Mapping[str, Array], slice], Array]:
-    """Return a function that computes a block of the dictionary, shape (b, M). Its arguments are
-    the columns at the rows of the block, and the slice of these rows for error messages. Blocks of
-    a few thousand rows are fastest.
+    """Return a function that computes b rows of the regressor matrix, shape (b, M). Its first
+    argument holds the columns at these b rows. Its second argument is the slice of these rows in
+    all rows, from which an error message computes the number of a row. Blocks of a few thousand
+    rows are fastest.
     """
     program = compiled(tuple(terms))
 
@@ -143,8 +147,8 @@ def dictionary_block(terms: Sequence[Expression]) -> Callable[[Mapping[str, Arra
 
 
 def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, Array]:
-    """Return the columns that occur in the terms. Raises DataError if one is missing or has another
-    length.
+    """Return the columns that occur in the terms. Raises DataError if a column is missing or does
+    not have n rows.
     """
     needed: dict[str, Array] = {}
     for name in sorted(names_in(terms)):
@@ -157,8 +161,9 @@ def _needed(terms: Sequence[Expression], columns: Columns, n: int) -> dict[str, 
     return needed
 
 
-Shared = list[Value | None]  # values of shared parts, None until they are computed
-# function that computes the value of a node from the columns
+# values of powers and calls that several expressions share; None until a value is computed
+Shared = list[Value | None]
+# function that computes the value of a node of a syntax tree from the columns
 Part = Callable[[Mapping[str, Value], Shared], Value]
 Known = dict[Expression, Part]
 
@@ -185,8 +190,9 @@ def compiled(
 
 
 def part_of(expression: Expression, known: Known) -> Part:
-    """Compile a node into a function of the columns. `known` collects the compiled powers and
-    function calls of all expressions that are evaluated together, so that each is computed once.
+    """Compile a node of a syntax tree into a function of the columns. `known` collects the compiled
+    powers and function calls of all expressions that are evaluated together, so that each is
+    computed once.
     """
     match expression:
         case Number(value):

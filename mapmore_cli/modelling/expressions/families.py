@@ -1,5 +1,5 @@
-"""Build families of candidate terms: states with memory, and products of states and quantities.
-Also compute how much memory a dictionary needs.
+"""Build families of candidate terms: delayed states, states of operators such as `slow`, and
+products. Also compute how many bytes of the computer's memory a dictionary needs.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ def operated(
     family: str, of: Sequence[str], numbers: Sequence[tuple[float, ...]] = ()
 ) -> tuple[str, ...]:
     """Return the names of the states that the operators of a `family` compute from every state in
-    `of`. Each entry of `numbers` gives such a name, for example `slow(pressure, 0.5)`. If `numbers`
-    is empty, the names have no numbers, for example `resonance(pressure)`.
+    `of`. Each entry of `numbers` holds the numbers in a name, for example `(0.5,)` for
+    `slow(pressure, 0.5)`. If `numbers` is empty, the names have no numbers, for example
+    `resonance(pressure)`.
 
     Raises ValueError for numbers that do not fit the operator.
     """
@@ -53,9 +54,9 @@ def products(
 
     Products of the same degree are sorted by the order of the terms in `of`. The factors of a
     product are in alphabetical order, so that its text does not depend on the order of `of`. With
-    `partners`, a product contains powers of the partners, and of at most one term that is no
-    partner. For order 2 and one partner p, the products are all terms, all squares, and p times
-    every term.
+    `partners`, a product may contain any number of partners, but only one term that is no partner
+    (or a power of this term). For order 2 and one partner p, the result contains all terms, their
+    squares, and the products of p with every other term.
 
     Examples
     --------
@@ -95,8 +96,8 @@ def products(
 
 
 def count_products(states: int, order: int, partners: int) -> int:
-    """Return the number of products that `products` returns for `states` states, of which
-    `partners` are partners. The constant is counted.
+    """Return how many products the function `products` returns, including the constant. `states` is
+    the number of terms in `of`, and `partners` is the number of partners among them.
     """
     whole = partners + order
     # products of partners alone, plus products that contain one state that is no partner
@@ -104,12 +105,12 @@ def count_products(states: int, order: int, partners: int) -> int:
 
 
 SHARE = 0.5  # fraction of the installed memory that one fit may use
-ASSUMED = 4_000_000_000  # installed memory in bytes, if the system does not report it
+ASSUMED = 4_000_000_000  # bytes of memory, if the system does not report its installed memory
 
 
 def products_bytes(candidates: int) -> int:
-    """Return the number of bytes that the term selection needs if the dictionary is built block by
-    block. It needs three matrices of shape (M+1, M+1).
+    """Return the number of bytes that the term selection needs for M `candidates` if the dictionary
+    is built block by block. These are three matrices of shape (M+1, M+1).
     """
     return 3 * 8 * (candidates + 1) ** 2
 
@@ -124,16 +125,15 @@ def usable_memory() -> int:
 
 
 def fits_whole(samples: int, candidates: int) -> bool:
-    """Return True if the whole dictionary may be in memory at once. Otherwise it is built block by
-    block.
+    """Return True if the regressor matrix of all samples and candidates is small enough to be kept
+    in memory. Otherwise, it is built block by block.
     """
     return 8 * samples * candidates <= usable_memory()
 
 
 def refuse_beyond_memory(candidates: int) -> None:
-    """Raise DataError if the matrices of `products_bytes` do not fit into the memory of one fit.
-    Every selection needs them, even if the dictionary is built block by block. The message gives
-    both sizes.
+    """Raise DataError if the term selection needs more memory (`products_bytes`) than one fit may
+    use, even if the dictionary is built block by block. The message gives both sizes.
     """
     needed, room = products_bytes(candidates), usable_memory()
     if needed > room:

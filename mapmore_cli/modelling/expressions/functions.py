@@ -37,9 +37,11 @@ HELPER = "{}_of"
 class ScalarFunction(NamedTuple):
     """A function of one argument.
 
-    - `compute`: function that computes the values of columns or of one number; it must keep NaN.
+    - `compute`: function that computes the values for columns or for one number; for NaN, it must
+      return NaN.
     - `slope`: derivative with respect to x, as the text of an expression.
-    - `texts`: name or text of the function in each language of `LIBRARY`.
+    - `texts`: for each language of `LIBRARY`, the name of the function in the language's library,
+      or an expression of x that computes the function.
     """
 
     compute: Callable[[Any], Any]
@@ -48,7 +50,7 @@ class ScalarFunction(NamedTuple):
 
     def is_in_library(self, language: str) -> bool:
         """Return True if the library of the language has the function. Otherwise, exported code
-        defines the function under the name `HELPER`.
+        must define the function, under a name such as `log_of`.
         """
         return NAME.fullmatch(self.texts[language]) is not None
 

@@ -1,9 +1,9 @@
-"""Define what an operator with memory consists of. The operators themselves are in the files of
-`operators/`.
+"""Define the classes that describe an operator with memory, for example a first-order lag. The
+operators themselves are in the files of `operators/`.
 
-An operator turns a state x into a new state by a causal rule that does not change over time. One
-file of `operators/` defines how the name of an operator is written, how the state is computed and
-printed, and what a spec may set. All other modules treat all operators alike.
+An operator turns a state x into a new state by a causal rule that does not change over time. The
+file of an operator defines its name, its parameters, how its state is computed and printed, and the
+keys with which a spec sets it. All other modules treat all operators alike.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from mapmore_cli.modelling.expressions.functions import FUNCTIONS
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number that an operator takes.
+    """A numerical parameter of an operator, for example a time constant.
 
     - `key`: name in a spec, for one value or a list of values.
     - `unit`: unit of the number in the name of a state; `1` for a ratio.
@@ -48,8 +48,8 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Setting:
-    """Numbers that determine a state of an operator. Together with the values of its source, they
-    determine the values of the state.
+    """Numbers from which, together with the values of the source, the values of an operator's state
+    are computed.
 
     - `numbers`: numbers from the name of the state, or estimated in training.
     - `step`: time between samples, s.
@@ -62,8 +62,8 @@ class Setting:
 
     @property
     def width(self) -> float:
-        """Width in the unit of the source: the first number of the operator times the training
-        range of the source.
+        """Width in the unit of the source: the first number of the operator, multiplied by the
+        difference between the largest and the smallest training value of the source.
         """
         low, high = self.limits
         return self.numbers[0] * (high - low)
@@ -76,11 +76,13 @@ program.
 
 
 class Arithmetic:
-    """Operations for recursions, in addition to `+ - * / **` and comparisons. This class computes
-    with whole columns; its subclasses compute with single numbers or write statements of a program.
+    """Operations that the rule of an operator may use, in addition to `+ - * / **` and comparisons.
+    This class computes with whole columns; its subclasses compute with single numbers or write
+    statements of a program.
 
     In `where`, the arguments `then` and `otherwise` are values, or functions without arguments that
-    compute a value. For columns, both values are computed.
+    compute a value. This class computes both values for all rows; a subclass may compute only one
+    of them.
     """
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
@@ -101,7 +103,9 @@ class Arithmetic:
 
 
 class _Floats(Arithmetic):
-    """Operations on single numbers. Only the side of a branch that applies is computed."""
+    """Operations on single numbers. Of the two values in `where`, only the one that the condition
+    selects is computed.
+    """
 
     def where(self, condition: Amount, then: Amount, otherwise: Amount) -> Amount:
         chosen = then if condition else otherwise
@@ -119,8 +123,9 @@ COLUMNS, FLOATS = Arithmetic(), _Floats()
 
 @dataclass(frozen=True)
 class Recursion:
-    """Rule of an operator from one sample to the next: `s[k] = next(m, s[k-1], ..., s[k-p], x[k],
-    ..., x[k-q])`.
+    """Rule that computes the state s of an operator from one sample to the next: `s[k] = next(m,
+    s[k-1], ..., s[k-p], x[k], ..., x[k-q])`. Here, x is the source and m holds the operations
+    (`Arithmetic`).
 
     This is the only definition of an operator: values along a recording, steps of a free run,
     derivatives and exported code are derived from it. `next` is called with floats, with columns
@@ -129,8 +134,8 @@ class Recursion:
 
     - `own`, `source`: number of past values of the state, p, and of its source, q, that the rule
       needs.
-    - `next`: function that returns the new value, from the operations m and the p + q + 1 numbers
-      in the order above.
+    - `next`: function that returns s[k]. Its arguments are m and the p + q + 1 values in the order
+      above.
     - `rest`: value of the state if the source has always been x.
     - `weights`: the p + q + 1 weights of a linear operator; None for other operators.
     """
@@ -144,7 +149,7 @@ class Recursion:
 
 def linear(past: Sequence[float], driven: Sequence[float], steady: float = 1.0) -> Recursion:
     """Return the linear recursion `s[k] = sum_i past_i s[k-i] + sum_j driven_j x[k-j]`, with i from
-    1 and j from 0. If x is constant for a long time, s is `steady` times x.
+    1 and j from 0. If x is constant, s approaches `steady` times x.
     """
     weights = (*past, *driven)
     return Recursion(
@@ -161,16 +166,16 @@ class Operator:
     """An operator with memory.
 
     - `name`: name in a state, for example `slow` in `slow(pressure, 0.3)`.
-    - `summary`: explanation of its family for the author of a spec.
+    - `summary`: explanation of the operator for the author of a spec.
     - `recursion`: function that returns the rule from one sample to the next.
-    - `parameters`: its numbers, in the order in which the name of a state has them.
+    - `parameters`: its parameters, in the order of the numbers in the name of a state.
     - `needs`: what training must determine: the `range` of the source, if widths are fractions of
       this range; or the `oscillator` that the source drives, if the name has no numbers.
-    - `starts`: function that returns the sets of numbers from which training begins its search,
-      from the time between samples and the duration of the longest piece, both in s. None if
-      training cannot estimate the numbers.
-    - `spread`: function that chooses the numbers if a spec gives only their `count`, from this
-      count, the time between samples and the duration of the longest piece, both in s.
+    - `starts`: function that returns the sets of starting values for the search in training. Its
+      arguments are the time between samples and the duration of the longest piece, both in s. None
+      if training cannot estimate the numbers.
+    - `spread`: function that chooses the numbers if a spec gives only their `count`. Its arguments
+      are this count, the time between samples and the duration of the longest piece, both in s.
     - `family`: key of the family in a spec, if it is not `name`. A family may consist of several
       operators.
     - `along`: function that computes the values on one uninterrupted piece, shape (n,), which
@@ -192,14 +197,16 @@ class Operator:
 
     @property
     def counts(self) -> tuple[int, ...]:
-        """Return how many numbers the name of a state may contain. Zero is possible if training can
-        estimate the numbers.
+        """Return the possible counts of numbers in the name of a state, for example `(0, 2)`. The
+        count 0 is possible if training can estimate the numbers.
         """
         return (0, len(self.parameters)) if self.found else (len(self.parameters),)
 
     @property
     def found(self) -> bool:
-        """Return True if training estimates the numbers that a name leaves out."""
+        """Return True if training estimates the numbers of the operator when the name of a state
+        does not contain them.
+        """
         return self.needs == "oscillator" or self.starts is not None
 
     @property
@@ -217,9 +224,12 @@ NOTHING_BEFORE = (np.empty(0), np.empty(0))
 def along(
     operator: Operator, x: Array, setting: Setting, before: tuple[Array, Array] = NOTHING_BEFORE
 ) -> Array:
-    """Return the state along one uninterrupted piece, shape (n,). If x begins with NaN, the state
-    is NaN there too. At the first number of x, the state starts at rest. If an earlier piece is
-    continued instead, `before` holds the last values of the state and of the source in that piece.
+    """Return the state of an operator along one uninterrupted piece with the source x, shape (n,).
+    If x begins with NaN, the state is NaN at the same samples. At the first finite value of x, the
+    state is at rest.
+
+    If the piece continues an earlier piece, the state continues too. `before` then holds the last
+    values of the state and of the source in the earlier piece.
     """
     own, source = map(_from_first_number, before)
     if len(own):
@@ -252,8 +262,8 @@ def _latest(values: Array, count: int) -> list[float]:
 
 
 def from_rest(rule: Recursion, x: Array) -> Array:
-    """Return the values of a recursion along x, shape (n,), if x was constantly x[0] before the
-    first sample.
+    """Return the values of a recursion along x, shape (n,), beginning at rest: x is assumed to have
+    had the value x[0] at all times before the first sample.
     """
     first = float(x[0])
     if rule.own == 0:
@@ -277,8 +287,8 @@ def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]
         from scipy.signal import lfilter
 
         a, b = [1.0, *(-weight for weight in rule.weights[: rule.own])], rule.weights[rule.own :]
-        # contribution of earlier values, computed without SciPy's `lfiltic`, which is slow
-        # For short pieces, `lfiltic` would take longer than the filter itself.
+        # Compute the contribution of the values before x[0] to the filter.
+        # SciPy's `lfiltic` is not used, because for short pieces it takes longer than the filter.
         carried = [
             sum(map(mul, b[step:], past)) - sum(map(mul, a[step:], own))
             for step in range(1, max(len(a), len(b)))

@@ -6,8 +6,9 @@
     power    = atom [ ("^" | "**") signed ]            the exponent must be constant
     atom     = number | name | state | function "(" sum ")" | "(" sum ")"
 
-A state with memory (`expressions.states`), for example `force[k-1]`, is one name. Length and depth
-are limited, so that hostile text causes an `ExpressionError`, never a `RecursionError`.
+A state with memory (`expressions.states`), for example `force[k-1]`, is one name. The length of the
+text and the number of nested brackets are limited, so that hostile text causes an
+`ExpressionError`, never a `RecursionError`.
 """
 
 from __future__ import annotations

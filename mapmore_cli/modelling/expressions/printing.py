@@ -27,8 +27,9 @@ _Bound = tuple[str, int]
 
 
 def to_text(expression: Expression, digits: int | None = None) -> str:
-    """Return the canonical text: `parse(to_text(e)) == e` without `digits`. With `digits`, numbers
-    are rounded to this many significant digits.
+    """Return the expression as text. Without `digits`, `parse` reads this text as the same
+    expression: `parse(to_text(e)) == e`. With `digits`, numbers are rounded to this many
+    significant digits.
     """
     return _Text(digits).printed(expression)[0]
 
@@ -49,8 +50,8 @@ def to_mathml(expression: Expression, digits: int | None = None) -> tuple[str, .
 
 
 class _Text:
-    """Style of expressions as text. Numbers are rounded to `digits` significant digits; None keeps
-    all digits.
+    """Printer of expressions as text. Numbers are rounded to `digits` significant digits; None
+    keeps all digits.
     """
 
     brackets = "({})"
@@ -128,7 +129,7 @@ class _Text:
 
 
 class _Latex(_Text):
-    """Style of expressions as LaTeX."""
+    """Printer of expressions as LaTeX."""
 
     brackets = r"\left({}\right)"
     numeral, scientific = "{}", r"{} \times 10^{{{}}}"
@@ -194,7 +195,7 @@ class _Latex(_Text):
 
 
 class _MathML(_Latex):
-    """Style of expressions as MathML."""
+    """Printer of expressions as MathML."""
 
     brackets = "<mrow><mo>(</mo>{}<mo>)</mo></mrow>"
     before_first = "<mo>−</mo>"

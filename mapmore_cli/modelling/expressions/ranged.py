@@ -27,8 +27,8 @@ Courses = tuple[tuple[str, float, float], ...]
 
 
 def placed(texts: tuple[str, ...], courses: Courses) -> tuple[str, ...]:
-    """Return all terms with numbers from the training ranges in place of `unit`. Terms that become
-    equal are returned once.
+    """Return the terms, in which every call of `unit` is replaced by a linear function with numbers
+    from the training ranges. If several terms become equal, the term is returned only once.
     """
     if not any(RANGED in text for text in texts):
         return texts

@@ -128,7 +128,7 @@ class Token(NamedTuple):
 
 class Tokens:
     """Tokens of a text, which are read one after the other. `next` is the token that is read next.
-    Raises ExpressionError if the text continues with no valid token.
+    Raises ExpressionError if the text contains a character that belongs to no token.
     """
 
     def __init__(self, text: str) -> None:
@@ -169,8 +169,8 @@ def state(text: str) -> State:
 
 
 def opens_state(name: Token, mark: Token) -> bool:
-    """Return True if the name of a state with memory begins with the identifier `name`, followed by
-    the symbol `mark`.
+    """Return True if the identifier `name` and the symbol `mark` after it begin the name of a state
+    with memory, for example `force[` or `slow(`.
     """
     return mark.kind == "[" or (mark.kind == "(" and name.text in OPERATORS)
 

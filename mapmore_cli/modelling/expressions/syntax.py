@@ -21,15 +21,16 @@ from mapmore_cli.modelling.expressions.states import IDENTIFIER, ExpressionError
 MAX_EXPONENT = 20
 
 Class = TypeVar("Class", bound=type)
-# what Python's arithmetic operators may combine with an expression
+# types of the operands in an arithmetic operation with an expression
 Operand = Union["Expression", float]
 Operation = Callable[[Any, Operand], "Expression"]
 
 
 @dataclass_transform(frozen_default=True)
 def _node(cls: Class) -> Class:
-    """Return a frozen dataclass that stores its hash. Computing the hash of a tree visits all its
-    nodes, and trees are often used as keys of dictionaries.
+    """Turn the class into a frozen dataclass whose objects store their hash. Computing the hash of
+    a tree visits all its nodes. Because trees are often keys of dictionaries, the hash is computed
+    only once.
     """
     made: Any = dataclass(frozen=True)(cls)
     walked = made.__hash__
@@ -78,7 +79,7 @@ class Expression:
                 return part.names
         return frozenset()
 
-    # so that NumPy numbers use the operators of this class
+    # makes NumPy call `__radd__` and similar methods of this class for `NumPy number + expression`
     __array_ufunc__ = None
 
     __add__, __radd__ = _both_ways(lambda left, right: add(left, right))
@@ -237,7 +238,9 @@ def multiply(*factors: Expression) -> Expression:
 
 
 def power(base: Expression, exponent: float) -> Expression:
-    """Return `base^exponent`. The reciprocal of a power is again a power."""
+    """Return `base^exponent` in canonical form. For example, the reciprocal of `x^2` is written
+    `x^-2`.
+    """
     if exponent == 1.0:
         return base
     if exponent == 0.0:
@@ -267,8 +270,8 @@ def names_in(expressions: Iterable[Expression]) -> frozenset[str]:
 
 
 def with_parts(expression: Expression, change: Callable[[Expression], Expression]) -> Expression:
-    """Return the expression in canonical form with `change` applied to each of its parts. A name or
-    a number is returned unchanged.
+    """Return the expression in canonical form with `change` applied to each of its operands. A name
+    or a number has no operands and is returned unchanged.
     """
     match expression:
         case Sum(terms):
@@ -285,7 +288,8 @@ def with_parts(expression: Expression, change: Callable[[Expression], Expression
 def _folded(numbers: list[float]) -> list[float]:
     """Return a shorter list of numbers with the same product: an empty list if the product is one,
     otherwise the product as the only number. If the product would overflow or lose digits, the list
-    has all numbers whose magnitude is not one, and the first number has the sign.
+    has the magnitudes of all numbers except those with the magnitude one, and the first of them
+    gets the sign of the product.
     """
     product = math.prod(numbers)
     if sys.float_info.min <= abs(product) < math.inf:

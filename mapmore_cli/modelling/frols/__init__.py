@@ -1,6 +1,7 @@
 """Select terms by forward regression with orthogonal least squares (FROLS), the engine of MAPMORE.
 
-M1 eq 2-4, M2 eq 2-8; S. A. Billings, *Nonlinear System Identification*, Wiley 2013, chapter 3.
+Sources: Veale, Xie and Anderson (M1 eq 2-4, M2 eq 2-8); S. A. Billings, *Nonlinear System
+Identification*, Wiley 2013, chapter 3.
 
 `frols` selects the same terms as the textbook method (`tests/modelling/frols/textbook.py`), but is
 faster and more accurate numerically. `select` makes the greedy choice. `remainders` computes, in

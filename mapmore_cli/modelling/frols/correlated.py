@@ -4,10 +4,10 @@ errors.
 The covariance of the coefficients is `(P'P)^-1 P' Omega P (P'P)^-1`. Omega is the covariance of the
 noise, `white I + drift kept^|i-j|` within a recording: white noise, and a drift of which the
 fraction `kept` remains after one sample. Estimators that sum the autocovariance of the residuals
-over lags (Newey and West, Econometrica 55, 1987) give half the true value or less for `kept` =
-0.97. The reason is that a fit also follows the noise, most of all its slow part, which is then
-missing from the residuals. Therefore, `matched` searches the noise with which the residuals of such
-a fit would have, on average, the measured autocovariance.
+over lags (Newey and West, Econometrica 55, 1987) give at most half of the true standard errors for
+`kept` = 0.97. The reason is that a fit also follows the noise, most of all its slow part, which is
+then missing from the residuals. Therefore, `matched` searches the values of `white`, `drift` and
+`kept` for which the residuals of such a fit have, on average, the measured autocovariance.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-# largest number of samples from which the noise is estimated, from the first sample on
+# the noise is estimated from at most this number of samples, those at the beginning
 PART = 1 << 14
-# largest number of values (samples times terms) in the chosen columns, to limit the memory
+# with more values (samples times terms) than this, the correlation is ignored, to save memory
 MOST = 1 << 21
 FEWEST = 20  # smallest number of samples of a recording from which the noise can be estimated
 CHANCE = 0.01  # probability with which white noise is mistaken for a drift
-# step and tolerance of the search for the logarithm of a time constant
+# step and tolerance of the search for the logarithm of the drift's time constant
 COARSE, FINE = np.log(3.0), 0.05
 
 
@@ -74,8 +74,8 @@ def correlated_errors(
 
 
 def matched(records: _Records) -> Noise:
-    """Return the noise with which the residuals of this fit would have the measured autocovariance.
-    The result is white noise if the measured autocovariance could be due to chance.
+    """Estimate the noise: with this noise, the residuals of the fit have, on average, the measured
+    autocovariance. The result is white noise if the measured autocovariance could be due to chance.
     """
     from scipy.special import chdtri
 
@@ -147,15 +147,15 @@ class _Records:
 
     @cached_property
     def shifts(self) -> list[Array]:
-        """For each lag, the mean of the basis shifted forwards and the basis shifted backwards by
-        this lag, shape (n, k).
+        """For each lag, the mean of two copies of the basis, shape (n, k): one shifted forwards by
+        this lag, and one shifted backwards.
         """
         return [_shifted(self.basis, self.lengths, lag) for lag in self.lags]
 
     def expected(self, kept: float) -> Array:
-        """Return the expected value of `sums` for noise of variance one. It is `tr(L M R M)`: R is
-        the correlation matrix of the noise, M projects the noise onto the residuals, and L shifts
-        by a lag.
+        """Return the expected value of `sums` for noise of variance one. For each lag, it is `tr(L
+        M R M)`: R is the correlation matrix of the noise, the matrix M computes the residuals from
+        the noise, and L is the mean of a shift forwards and a shift backwards by the lag.
         """
         turned = _together(self.basis, self.lengths, kept) if kept else self.basis
         inner = self.basis.T @ turned
@@ -189,8 +189,8 @@ def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
 
 
 def _shifted(columns: Array, lengths: Sequence[int], lag: int) -> Array:
-    """Return the mean of the columns shifted forwards and the columns shifted backwards by a lag,
-    within each recording, shape (n, k).
+    """Return the mean of two copies of the columns, shape (n, k): one shifted forwards by the lag,
+    and one shifted backwards, both within each recording.
     """
     moved = np.zeros_like(columns)
     for rows in _rows(lengths):

@@ -42,7 +42,7 @@ from mapmore_cli.modelling.frols.together import Together, chosen_together
 from mapmore_cli.modelling.frols.weighing import Choice, Weighing, reweighted
 
 # If `P` has M columns, computing `P'P` takes about as long as M/16 matrix-vector products with `P`.
-# With an orthonormal basis (`BasisRemainders`), each term needs one such product.
+# With an orthonormal basis (`BasisRemainders`), each term needs one matrix-vector product with `P`.
 GRAM_COLUMNS_PER_TERM = 16
 
 
@@ -61,13 +61,14 @@ def frols(
 
     In each iteration every unselected regressor is orthogonalised against the selected ones (M2 eq
     2), its coefficient is `g = y'q / q'q` (eq 3) and its error reduction ratio `ERR = g^2 q'q /
-    y'y` (eq 4), with the uncentred `y'y`; the highest wins (eq 5). The coefficients of the original
-    regressors follow from `A theta = g`.
+    y'y` (eq 4), with the uncentred `y'y`; the regressor with the highest ratio is selected (eq 5).
+    The coefficients theta of the original regressors follow from `A theta = g`, in which the unit
+    upper triangular matrix A describes the orthogonalisation.
 
-    A tall dictionary is read once, to compute `P'P`, and once more, to compute its triangular
-    factor, if `P'P` loses digits. A small or wide dictionary is read for every term. The selection
-    is the same in all cases. `P` and `y` are not changed, and are copied only if their squares
-    overflow.
+    A tall dictionary (`P` has many more rows than columns) is read once, to compute `P'P`, and once
+    more, to compute its triangular factor, if `P'P` loses digits. A small or wide dictionary is
+    read for every term. The selection is the same in all cases. `P` and `y` are not changed, and
+    are copied only if their squares overflow.
 
     - `P`: candidate regressors, (n, M), in either memory order; `y`: dependent variable, (n,).
     - `max_terms`: largest number of terms (M2 eq 7, read as: stop after so many terms); None for no
@@ -104,7 +105,7 @@ def frols(
 def choose(
     P: ArrayLike, y: ArrayLike, stopping: Stopping, weighing: Weighing | None = None
 ) -> Choice:
-    """Choose terms like `frols`, without names and without standard errors."""
+    """Choose terms as `frols` does, but without names and without standard errors."""
     P, y = np.asarray(P, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if P.ndim != 2 or y.ndim != 1 or len(P) != len(y) or P.size == 0:
         raise ValueError(
@@ -175,7 +176,7 @@ def frols_together(
 
 
 def choose_together(problems: Sequence[Regression], stopping: Stopping) -> tuple[Choice, ...]:
-    """Choose terms like `frols_together`, without standard errors."""
+    """Choose terms as `frols_together` does, but without standard errors."""
 
     def select(sigmas: Sequence[Array | None]) -> Sequence[Selection]:
         if len(problems) == 1:
@@ -222,8 +223,8 @@ def reads_once(n: int, M: int, terms: int) -> bool:
 
 
 def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None) -> Selection:
-    """Select terms with the Gram matrix. If rounding errors of the Gram matrix could affect the
-    choice, select them with explicit remainders.
+    """Select terms with the Gram matrix. If its rounding errors could affect the choice of a term,
+    select the terms with an orthonormal basis instead.
     """
     blocks = blocks if sigma is None else weighted(blocks, sigma)
     matrix, scale, samples = gram(blocks)
@@ -237,7 +238,9 @@ def _by_gram(blocks: Blocks, stopping: Stopping, sigma: Array | None) -> Selecti
 
 
 def _fewer_rows(blocks: Blocks, samples: int, width: int) -> tuple[Array, Array]:
-    """Return `P` and `y` unchanged if they are small, and their triangular factor otherwise."""
+    """Return the arrays `P` and `y` of all blocks if they are small. Otherwise, return their
+    triangular factor, which has fewer rows.
+    """
     if samples * width <= SMALL:
         P, y = map(np.concatenate, zip(*blocks(), strict=True))
         return P, y

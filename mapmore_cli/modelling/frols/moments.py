@@ -1,4 +1,5 @@
-"""Read a tall dictionary in row blocks, so that it need not fit into memory.
+"""Read a tall dictionary (the matrix P of candidate regressors) in row blocks, so that it need not
+fit into memory.
 
 `Z = [P y]` has the M candidates and the output as columns. Arrays of the shape (M+1,) have one
 value for each column of Z.
@@ -19,14 +20,14 @@ Blocks = Callable[[], Iterable[tuple[Array, Array]]]
 one block after the other.
 """
 
-# number of rows of a block, so that a block of a usual dictionary stays in the processor's cache
+# number of rows of a block; a block of a usual dictionary then stays in the processor's cache
 BLOCK = 4096
 # sums of squares within these limits can be multiplied without overflow or underflow
 SMALLEST, LARGEST = 1e-140, 1e140
 
 
 def blocks_of_rows(P: Array, y: Array) -> Blocks:
-    """Return the rows of arrays in memory as blocks, which are views of the arrays."""
+    """Return the arrays in memory as row blocks. The blocks are views of the arrays."""
 
     def blocks() -> Iterator[tuple[Array, Array]]:
         for start in range(0, len(y), BLOCK):
@@ -135,7 +136,8 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
     return total, samples
 
 
-CONSTANT = 1e-12  # below this ratio of spread to magnitude, a column counts as constant
+# a column is constant if its standard deviation is at most this fraction of its first value
+CONSTANT = 1e-12
 
 
 @dataclass(frozen=True)
@@ -150,15 +152,18 @@ class Standard:
 
 @dataclass(frozen=True)
 class Moments:
-    """Sums over n rows of `z = (Z - centre)/spread`: `sums` (M+1,) and `products` (M+1, M+1)."""
+    """Sums over n rows of the standardised columns `z = (Z - centre)/spread`. `sums`, (M+1,), holds
+    the sum of each column, and `products`, (M+1, M+1), holds the sum of `z_i z_j` for every two
+    columns i and j.
+    """
 
     samples: int
     sums: Array
     products: Array
 
     def without(self, other: Moments) -> Moments:
-        """Return the moments of the remaining rows if the rows of `other` are removed. `other` must
-        contain the moments of some of these rows.
+        """Return the moments of the rows that remain if the rows of `other` are removed. All rows
+        of `other` must be among the rows of these moments.
         """
         return Moments(
             self.samples - other.samples, self.sums - other.sums, self.products - other.products

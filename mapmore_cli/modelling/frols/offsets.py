@@ -1,5 +1,5 @@
-"""Write notes on a selection. Notes are written on inputs so far from zero that their powers cannot
-be distinguished, and on a model that is only a constant.
+"""Write notes on two faults of a fitted model: an input is so far from zero that its powers cannot
+be distinguished, or the model is only a constant.
 """
 
 from __future__ import annotations
@@ -46,7 +46,9 @@ def far_from_zero(pieces: Sequence[SegmentFit], curves: Sequence[Curve]) -> list
 
 
 def _training_values(curves: Sequence[Curve], name: str) -> Blocks:
-    """Return the training samples of a quantity as blocks, as y without candidates."""
+    """Return the training samples of a quantity in row blocks. They are the `y` of the blocks; `P`
+    has no columns.
+    """
     parts = [(curve.columns[name], curve.training) for curve in curves]
     return lambda: ((x[:, None][:, :0], x) for part in parts for x in blocks_where(*part))
 

@@ -20,9 +20,11 @@ TIE_TOLERANCE = 1e-9
 # a regressor p with the remainder q is linearly dependent if `q'q <= RANK_TOLERANCE p'p`
 RANK_TOLERANCE = 1e-24
 
-# a downdated `q'q` below this fraction of `p'p` has lost too many digits (1e-4 to 1e-10 also work)
+# `q'q` is updated by subtraction; below this fraction of `p'p`, it has lost too many digits
+# Tolerances from 1e-4 to 1e-10 also work.
 PIVOT_TOLERANCE = 1e-6
-# below this fraction of its last explicit value, the residual sum of squares is recomputed
+# The residual sum of squares is updated by subtraction in each step.
+# Below this fraction of the last exact value, the residual sum of squares is computed exactly.
 RESIDUAL_TOLERANCE = 1e-9
 
 # rounding error of an inner product `p'y`, relative to `|p| |y|`, for any number of samples
@@ -41,9 +43,9 @@ class Remainders:
     terms are subtracted. For a candidate, the remainder is the vector `q` of M2 eq 2. Subclasses
     differ in how they represent it.
 
-    `squares` holds `q'q` and `products` holds `y'q`, (M,) each; both are downdated in each step.
-    `pp` holds the sums of squares of the candidates, `yy` is the sum of squares of y, and `sse` is
-    the sum of squares of the remainder of y.
+    `squares` holds `q'q` and `products` holds `y'q`, (M,) each; in each step, the part along the
+    new term is subtracted from both. `pp` holds the sums of squares of the candidates, `yy` is the
+    sum of squares of y, and `sse` is the sum of squares of the remainder of y.
     """
 
     def __init__(self, pp: Array, products: Array, yy: float) -> None:
@@ -53,7 +55,8 @@ class Remainders:
 
     def reductions(self) -> tuple[Array, Array]:
         """Return `g = y'q / q'q` (M2 eq 3) and `ERR = g^2 q'q / y'y` (eq 4), shape (M,) each; NaN
-        for chosen or dependent candidates. Raises DigitsLost if rounding errors affect the result.
+        for chosen or dependent candidates. Raises DigitsLost if rounding errors could change the
+        choice of a term.
         """
         g = np.full(len(self.products), np.nan)
         np.divide(self.products, self.squares, out=g, where=self.live)
@@ -64,7 +67,7 @@ class Remainders:
 
         Return `u'[P y]`, shape (M+1,), where `u` is the remainder of the chosen candidate, scaled
         to unit length. This is one row of the triangular factor of the chosen columns. Raises
-        DigitsLost.
+        DigitsLost if rounding errors could change the choice of a term.
         """
         raise NotImplementedError
 
@@ -75,8 +78,8 @@ class Remainders:
 
 
 class GramRemainders(Remainders):
-    """Remainders of which only the inner products are computed, in O(M k) per step. `matrix` is the
-    Gram matrix `Z'Z` of scaled columns, shape (M+1, M+1).
+    """Remainders of which only the inner products are computed. A step needs O(M k) operations if k
+    terms have been chosen. `matrix` is the Gram matrix `Z'Z` of scaled columns, shape (M+1, M+1).
 
     The `blocks` of the dictionary are read once more if the residual is so small that `y'y` does
     not have enough digits to compute it.
@@ -137,9 +140,10 @@ class GramRemainders(Remainders):
         """Compute the products of the remainders with the residual instead of y. These products
         keep their digits even if the residual is very small.
 
-        Because of rounding, `r = y - P_chosen theta` still contains a part of the chosen columns,
-        `U U'r` with `R' U'r = P_chosen'r`. If the explained and the residual sum of squares do not
-        add up to `y'y`, the chosen columns have lost too many digits, and DigitsLost is raised.
+        Because of rounding, `r = y - P_chosen theta` still has a component along the chosen
+        columns, `U U'r` with `R' U'r = P_chosen'r`. This component is subtracted. If the explained
+        and the residual sum of squares do not add up to `y'y`, the chosen columns have lost too
+        many digits, and DigitsLost is raised.
         """
         R = np.triu(self.rows[:, self.picks])
         theta = np.linalg.solve(R, self.rows[:, -1])
@@ -156,12 +160,12 @@ class GramRemainders(Remainders):
             raise DigitsLost
 
 
-# A dictionary with at most this many values counts as small, so accuracy precedes speed.
+# A dictionary with at most this many values is small, so that accuracy matters more than speed.
 SMALL = 2**16
-# `LOST` is for a large dictionary, and `LOST_OF_SMALL` is for a small one.
-# If a downdated `q'q` is below this fraction of `p'p`, the remainder is computed explicitly.
+# If an updated `q'q` is below this fraction of `p'p`, the remainder q is computed explicitly.
+# `LOST` is used for a large dictionary, and `LOST_OF_SMALL` for a small one.
 LOST, LOST_OF_SMALL = 1e-6, 1e-2
-# When the residual sum of squares has fallen by this factor, `y'q` is computed again.
+# `y'q` is computed again each time the residual sum of squares has fallen to this fraction.
 RENEWED = 1e-2
 
 
@@ -169,11 +173,11 @@ class BasisRemainders(Remainders):
     """Remainders of the candidates `P`, (n, M), and of `y`, (n,), computed with an orthonormal
     basis of the chosen columns, of which there are at most `limit`.
 
-    For each new direction u, `q'q` and `y'q` are downdated with `u'P`. If a candidate loses digits
-    in this way, its remainder `q = p - U U'p` is computed explicitly and orthogonalised twice
-    ("twice is enough": Giraud and Langou 2005), and again in every later step. Its `q'q` and `y'q`
-    are then computed from q. So ill-conditioned dictionaries lose no digits, and only such
-    candidates take more time.
+    When a unit vector u is added to the basis, `(u'p)^2` is subtracted from each `q'q`, and `u'y
+    u'p` from each `y'q`. If a candidate loses digits in this way, its remainder `q = p - U U'p` is
+    computed explicitly and orthogonalised twice ("twice is enough": Giraud and Langou 2005), and
+    again in every later step. Its `q'q` and `y'q` are then computed from q. So ill-conditioned
+    dictionaries lose no digits, and only such candidates take more time.
     """
 
     def __init__(self, P: Array, y: Array, limit: int) -> None:
@@ -209,8 +213,8 @@ class BasisRemainders(Remainders):
         return row
 
     def _renew(self) -> None:
-        """For candidates that have lost digits by downdating, compute `q'q` and `y'q` from explicit
-        remainders. Drop candidates that depend linearly on the chosen ones.
+        """For candidates that have lost digits by subtraction, compute `q'q` and `y'q` from
+        explicit remainders. Drop candidates that depend linearly on the chosen ones.
         """
         lost = self.live & (self.squares < self.lost_below)
         lost[self.explicit] = False

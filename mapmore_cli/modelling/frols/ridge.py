@@ -1,10 +1,10 @@
 """Implement regularised FROLS: orthogonal selection on the covariance matrix plus a ridge, backward
 pruning, and the choice of the ridge.
 
-Let z be the centred columns divided by their standard deviations, `G = Z'Z/n + ridge I` and `h =
-Z'y/n`. The selection greedily minimises `theta' G theta - 2 h' theta` (regularised orthogonal least
-squares, with one ridge for all terms). A square root `Q` of G, with `Q'Q = G`, is passed to the
-usual engine in place of the data.
+Let Z be the matrix of the candidates, which are centred and divided by their standard deviations.
+Let `G = Z'Z/n + ridge I` and `h = Z'y/n`. The selection greedily minimises `theta' G theta - 2 h'
+theta` (regularised orthogonal least squares, with one ridge for all terms). A square root `Q` of G,
+with `Q'Q = G`, is passed to the usual engine in place of the data.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from mapmore_cli.modelling.frols.select import FULL_LEVERAGE, widened
 
 @dataclass(frozen=True)
 class Regularised:
-    """Covariance `C` of standardised columns `[P y]`, shape (M+1, M+1), over n samples, and a
-    ridge.
+    """Data of a regularised regression: the covariance matrix of the standardised columns `[P y]`,
+    shape (M+1, M+1), the number n of `samples`, and the ridge.
     """
 
     covariance: Array
@@ -64,8 +64,8 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
     columns.
 
     The ERR is that of the regularised problem, in which `1 - sum ERR` equals `(SSE/n + ridge
-    theta'theta) / (y'y/n)`. Candidates that are not in `among` are NaN in the tables of the
-    selection.
+    theta'theta) / (y'y/n)`. In the tables of the result, the values of candidates that are not in
+    `among` are NaN.
     """
     M = len(data.covariance) - 1
     columns = np.arange(M) if among is None else among
@@ -101,7 +101,7 @@ def prune(data: Regularised, chosen: IntArray) -> list[IntArray]:
     return subsets
 
 
-# candidate values of the ridge, as fractions of the variance of a standardised candidate
+# values of the ridge that are tried; a standardised candidate has the variance one
 RIDGES = (1e-5, 1e-4, 5e-4, 2e-3, 1e-2, 5e-2)
 
 
@@ -109,9 +109,9 @@ def choose_ridge(total: Moments, blocks: Sequence[Moments], forward: int, max_te
     """Return the ridge with the smallest cross-validation error over blocks of samples. If several
     ridges have the same error, return the smallest ridge.
 
-    For each ridge and each block, a model of `max_terms` terms is selected (forwards, then pruned)
-    on the other blocks. Everything is computed from sums of products, so the rows are not read
-    again.
+    For each ridge and each block, a model is selected on the other blocks: `forward` terms are
+    selected forwards, and then pruned to `max_terms` terms. Everything is computed from sums of
+    products, so the rows are not read again.
     """
     errors = [
         sum(
@@ -131,7 +131,7 @@ def _left_out_error(
     if not len(chosen):
         return float(held.products[-1, -1])
     kept = prune(data, chosen)[:max_terms][-1]
-    combination = np.zeros(len(held.sums))  # residual = combination'z - constant
+    combination = np.zeros(len(held.sums))  # the residual of a row z is combination'z - constant
     combination[[*kept, -1]] = [*-data.coefficients(kept), 1.0]
     constant = float(combination @ training.mean)
     return float(
@@ -143,7 +143,7 @@ def _left_out_error(
 
 def ridge_press(blocks: Blocks, data: Regularised, subsets: Sequence[IntArray]) -> Array:
     """Return `PRESS = sum_i (r_i / (1 - h_i))^2` of each subset, shape (m,), in one pass over
-    standardised blocks. It is infinite if a leverage is one.
+    standardised blocks. PRESS is infinite if a leverage is one.
 
     The leverage `h_i = 1/n + z_i' G^-1 z_i / n` is the sum of the leverages of the mean and of the
     terms. For a fixed ridge, the formula has one approximation: it keeps the means and standard

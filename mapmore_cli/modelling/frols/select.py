@@ -1,5 +1,5 @@
-"""Choose the terms of FROLS one by one, for any representation of the remainders, and choose the
-number of terms by a criterion.
+"""Choose the terms of FROLS one by one, and choose the number of terms by a criterion. The
+remainders may be represented in any of the ways in `remainders`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from mapmore_cli.domain.fits import Selection
 from mapmore_cli.modelling.frols.moments import Blocks, divided, standard, weighted
 from mapmore_cli.modelling.frols.remainders import TIE_TOLERANCE, Remainders
 
-# square of the rounding error; an ERR or an unexplained fraction below this counts as zero
+# An ERR or an unexplained fraction below this value is regarded as zero.
+# The value is about the square of the relative rounding error.
 NO_GAIN = 1e-28
 
 Price = Callable[[IntArray, int, int], Array]
@@ -81,7 +82,8 @@ class Stopping:
         shape: tuple[int, int],
     ) -> tuple[list[Iteration], str]:
         """Return the steps up to the number of terms that the criterion prefers, and the reason for
-        this number: the criterion if it removes steps, otherwise `stop`, for which all steps ended.
+        this number. The reason is the criterion if it removes steps. Otherwise, it is `stop`, the
+        reason why the selection ended.
 
         `errors` is a function that returns the PRESS after 1, 2, ... terms. `unexplained` is
         described in `fewest_terms`. `shape` is the shape (n, M) of the dictionary.
@@ -98,8 +100,8 @@ class Stopping:
 class Iteration(NamedTuple):
     """One step of the selection. `pick` is the chosen candidate, and `g` and `err` hold g and ERR
     of all candidates, (M,). `runner_up` is the candidate with the next highest ERR (-1 if there is
-    none). `tied` is the number of candidates that are tied with the chosen one. `row` is the row of
-    the triangular factor, (M+1,), and `sse` is the unexplained part of `y'y`.
+    none). `tied` is the number of other candidates with the same ERR as the chosen one. `row` is
+    the row of the triangular factor, (M+1,), and `sse` is the unexplained part of `y'y`.
     """
 
     pick: int
@@ -150,8 +152,8 @@ def greedy(
 
 
 def _highest(err: Array) -> IntArray:
-    """Return the candidates with the highest ERR, which are tied; an empty array if every ERR is
-    NaN.
+    """Return the indices of all candidates that have the highest ERR, apart from rounding errors;
+    an empty array if every ERR is NaN.
     """
     # `fmax` ignores NaN
     return np.flatnonzero(err >= np.fmax.reduce(err, initial=-np.inf) * (1 - TIE_TOLERANCE))
@@ -200,7 +202,7 @@ a fit without this sample is unknown.
 
 def press(blocks: Blocks, chosen: IntArray, factor: Array, projections: Array) -> Array:
     """Return `PRESS_k = sum_i (r_ik / (1 - h_ik))^2` after 1, 2, ... terms (Allen 1974), shape
-    (k,). It is infinite if a sample has leverage one.
+    (k,). PRESS_k is infinite if a sample has leverage one.
 
     `factor` is the upper triangular factor R of the `chosen` candidates (k,), shape (k, k).
     `projections` are `c = U'y`, (k,), with `U = P_chosen R^-1`. The first k columns of U give the
@@ -224,8 +226,8 @@ def selected(
     blocks: Blocks,
     uncertainty: Array | None,
 ) -> Selection:
-    """Choose terms with `greedy`, and return as many of them as the stopping rule prefers. Raises
-    DigitsLost like `greedy`.
+    """Choose terms with `greedy`, and return the selection with as many of them as the stopping
+    rule prefers. Raises DigitsLost like `greedy`.
 
     The remainders belong to the columns of `Z = [P y]`, divided by `scale`, shape (M+1,). `blocks`
     are the rows of `Z`. They are read only for the criterion `press`, and if the tolerance may end
@@ -299,7 +301,7 @@ def in_units(found: Selection, scale: Array) -> Selection:
 
 def widened(found: Selection, among: IntArray, M: int) -> Selection:
     """Convert a selection from the candidates `among`, shape (m,), into a selection from all M
-    candidates. Candidates that are not in `among` are NaN in the tables.
+    candidates. In the tables, the values of candidates that are not in `among` are NaN.
     """
     tables = np.full((2, len(found.chosen), M), np.nan)
     tables[:, :, among] = found.g_all, found.err_all

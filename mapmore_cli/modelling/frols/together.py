@@ -18,9 +18,9 @@ from mapmore_cli.modelling.frols.select import (
 
 
 class Together(Remainders):
-    """Remainders of several outputs with common terms. `sse` is the largest of the unexplained
-    fractions of the outputs. For each output, `parts` holds the remainders, and `wholes` holds the
-    sum of squares of which a fraction is unexplained.
+    """Remainders of several outputs with common terms. For each output, `parts` holds the
+    remainders, and `wholes` holds the sum of squares to which the unexplained fraction of this
+    output is relative. `sse` is the largest unexplained fraction of all outputs.
     """
 
     def __init__(self, parts: Sequence[Remainders], wholes: Sequence[float]) -> None:
@@ -29,8 +29,8 @@ class Together(Remainders):
 
     def reductions(self) -> tuple[Array, Array]:
         """Return the error reduction ratio of each candidate, summed over all outputs. The base
-        class returns `g` and this ratio. Here, each output has another `g`, so that the summed
-        ratio is returned twice.
+        class returns `g` and ERR. Here, each output has a different `g`, so that the summed ratio
+        is returned in place of `g` too.
         """
         err = np.sum([part.reductions()[1] for part in self.parts], axis=0)
         return err, err

@@ -1,8 +1,8 @@
 """Weight samples by their uncertainty or by a robust loss, and compute standard errors that do not
 assume independent residuals.
 
-P. J. Huber, *Robust Statistics*, Wiley 1981, chapter 7; A. E. Beaton and J. W. Tukey, Technometrics
-16 (1974). The weights enter the term selection only as uncertainties of the samples.
+Sources: P. J. Huber, *Robust Statistics*, Wiley 1981, chapter 7; A. E. Beaton and J. W. Tukey,
+Technometrics 16 (1974). The weights enter the term selection only as uncertainties of the samples.
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ beyond 4.685.
 """
 
 LARGEST_TUNING = max(loss.tuning for loss in LOSSES.values())
-DEPENDENT = 1e-10  # singular values below this fraction of the largest one count as zero
+DEPENDENT = 1e-10  # singular values below this fraction of the largest one are regarded as zero
 FREEDOM, GROSS = 3, 20.0
-"""A sample counts as a gross outlier if its studentised residual is larger than `GROSS`, and if a
+"""A sample is a gross outlier if its studentised residual is larger than `GROSS`, and if a
 fit to the other samples has at least `FREEDOM` degrees of freedom. With three degrees of freedom,
 one of 3 700 samples of normal noise has such a residual; with more degrees of freedom, fewer
 samples have it.
@@ -84,10 +84,11 @@ class Weighing:
     - `scale`: scale of the residuals; None for 1.4826 times their median absolute value.
     - `curves`: curve of each sample, (n,), if the residuals of a curve are correlated.
     - `alike`: True if all curves have the same weight, whatever their number of samples.
-    - `recorded`: rank of each sample in the order of time, (n,), if it is known.
+    - `recorded`: position of each sample in the order of time, (n,), if it is known.
     - `start`: weights of the samples, (n,), with which a robust loss chooses the first terms; equal
       weights if None.
-    - `outlier`: number of a sample that gets no weight, because it bends the fit towards itself.
+    - `outlier`: index of a sample that gets almost no weight, because it bends the fit towards
+      itself.
     """
 
     uncertainty: Array | None = None
@@ -101,9 +102,8 @@ class Weighing:
 
     @cached_property
     def sigma(self) -> Array | None:
-        """Numbers by which the rows are divided, (n,); None if all samples have the same weight.
-        They are scaled so that the mean weight is one, and weighted squares keep the unit of the
-        target.
+        """Divisor `sigma` of each row, (n,); None if all samples have the same weight. The weight
+        of a sample is `1/sigma^2`. The divisors are scaled so that the mean weight is one.
         """
         sigma = self.uncertainty
         if self.alike and self.curves is not None:
@@ -125,8 +125,8 @@ class Weighing:
         return self if self.scale is None else replace(self, scale=self.scale / unit)
 
     def without(self, outlier: int | None, weights: Array) -> Weighing:
-        """Return the weighing that starts with the given weights, (n,), and gives the sample with
-        the number `outlier` no weight.
+        """Return the weighing that starts with the given weights, (n,). If `outlier` is the index
+        of a sample, this sample gets almost no weight.
         """
         start = weights.copy()
         if outlier is not None:
@@ -134,7 +134,7 @@ class Weighing:
         return replace(self, start=start, outlier=outlier)
 
     def rows(self, blocks: Blocks) -> Blocks:
-        """Return the blocks with each row divided by the uncertainty of its sample."""
+        """Return the blocks with each row divided by its `sigma`."""
         return blocks if self.sigma is None else weighted(blocks, self.sigma)
 
     def settled(
@@ -161,9 +161,9 @@ class Weighing:
 
 @dataclass(frozen=True)
 class Choice:
-    """A selection for one output, whose standard errors do not take the weights into account yet.
-    Standard errors with the weights need about as much time as the selection itself. Therefore,
-    `with_errors` computes them only for the selection that is used in the end.
+    """A selection for one output, whose standard errors do not yet take the weights into account.
+    To compute the correct standard errors takes about as much time as the selection itself.
+    Therefore, `with_errors` computes them only for the selection that is used in the end.
 
     - `only`: function that returns the blocks of some candidates.
     - `weights`: weights of a robust loss, (n,); None for the loss `squares`.
@@ -214,14 +214,16 @@ def reweighted(
     select: Callable[[Sequence[Array | None]], Sequence[Selection]],
     only: Sequence[Callable[[IntArray], Blocks]],
 ) -> tuple[Choice, ...]:
-    """Return a weighted selection for each output. For a robust loss, the terms are selected
-    three times: with robust starting weights, with the weights of Huber's loss, and with the
-    weights of the chosen loss. Huber's loss comes first because it has a single minimum.
+    """Return a weighted selection for each output. For a robust loss, the terms are selected three
+    times: with the starting weights, with the weights of Huber's loss, and with the weights of the
+    chosen loss. Huber's loss comes first because it has a single minimum.
 
-    The weights of a loss are computed for the terms of the selection before, in turn with
-    least-squares fits, at most ten times.
+    Before each of the last two selections, the weights are computed for the terms of the previous
+    selection: a least-squares fit and the computation of weights from its residuals alternate, at
+    most ten times.
 
-    - `select`: function that selects terms for all outputs, given the uncertainties of each.
+    - `select`: function that selects terms for all outputs. Its argument holds, for each output,
+      the divisor of each row.
     - `only`: for each output, a function that returns the data of the given candidate terms.
     """
     weights = [one.start for one in weighings]
@@ -252,17 +254,18 @@ def loss_weights(loss: str, residual: Array) -> Array:
 
 def gross_outlier(P: Array, y: Array) -> tuple[Array, int | None]:
     """Return the externally studentised residuals of a least-squares fit of the columns `P`, (n,
-    k), and the number of the sample with the largest one if it is a gross outlier.
+    k), and the index of the sample with the largest one if it is a gross outlier (otherwise None).
 
     A robust fit passes close to an outlier with a large leverage h, for example at the end of a
     short segment. To detect such an outlier, each sample is compared with a fit to all other
     samples. Its residual in units of the standard deviation is `t_i = r_i / (s_i sqrt(1 - h_i))`
     with `s_i^2 = (r'r - r_i^2/(1 - h_i))/(n - k - 1)` (Cook and Weisberg 1982, eq 2.1.15). The
-    outlier must get no weight at all, because Huber's small weight is enough to bend the fit again.
+    outlier must get practically no weight, because Huber's small weight is enough to bend the fit
+    again.
 
     The residuals are zero if too few degrees of freedom remain to detect an outlier.
     """
-    # columns may be equal, so dependent directions are dropped
+    # columns may be equal, so that directions with a singular value near zero are dropped
     Q, values, _ = np.linalg.svd(P / (np.linalg.norm(P, axis=0) + (P == 0).all(axis=0)), False)
     Q = Q[:, values > DEPENDENT * values[0]]
     n, k = Q.shape
@@ -276,9 +279,9 @@ def gross_outlier(P: Array, y: Array) -> tuple[Array, int | None]:
 
 
 def numbered_curves(labels: IntArray | None, terms: int) -> IntArray | None:
-    """Return the labels of the samples' curves, (n,), replaced by consecutive numbers from 0.
-    Return None if the errors of curves cannot be estimated, because there are fewer than `FEW`
-    curves, or no more curves than terms.
+    """Return the number of each sample's curve, (n,), counted from 0 without gaps. `labels` holds
+    numbers that may have gaps. Return None if the errors of curves cannot be estimated, because
+    there are fewer than `FEW` curves, or no more curves than terms.
     """
     if labels is None:
         return None
@@ -292,10 +295,10 @@ def sandwich_errors(
     """Return standard errors of `theta`, shape (k,), for residuals that are correlated within a
     curve or weighted by a robust loss.
 
-    With `psi_i = w_i r_i` and its mean slope m (1 for squares) they are the sandwich `(P'P)^-1
-    (sum_c s_c s_c') (P'P)^-1 / m^2` of the sums `s_c = sum_{i in c} psi_i p_i`, times `G/(G-1)
-    (n-1)/(n-k)` with G curves (Cameron and Miller 2015, eq 11). Without curves they are `sum psi^2
-    / (n-k) / m^2 (P'P)^-1` (Huber 1981, eq 7.6.2).
+    With `psi_i = w_i r_i` and the mean m of its derivative with respect to r_i (1 for squares),
+    they are the sandwich `(P'P)^-1 (sum_c s_c s_c') (P'P)^-1 / m^2` of the sums `s_c = sum_{i in c}
+    psi_i p_i`, times `G/(G-1) (n-1)/(n-k)` with G curves (Cameron and Miller 2015, eq 11). Without
+    curves they are `sum psi^2 / (n-k) / m^2 (P'P)^-1` (Huber 1981, eq 7.6.2).
 
     - `blocks`: the k chosen columns and the target, in units of the uncertainty.
     - `curves`: the curve of each row, from 0, (n,); None if residuals are independent.

@@ -71,8 +71,8 @@ def get(name: str) -> Formula:
 
 
 def is_known(fit: FormulaFit) -> bool:
-    """Return True if the formula of the fit is known: the fit contains its definition, or its name
-    is one of `names`.
+    """Return True if this installation can evaluate the formula of the fit: the fit contains the
+    definition of the formula, or `names` contains the name of the formula.
     """
     return bool(fit.definition) or fit.formula in names()
 

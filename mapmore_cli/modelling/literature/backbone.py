@@ -1,7 +1,7 @@
 """Use a formula of the literature as a backbone: MAPMORE is fitted to the residual of this formula.
 
-The outlook of M1 suggests such physics-based static terms. A known formula with a few local
-corrections keeps the model readable.
+The paper M1 suggests physics-based terms in its outlook. A model that consists of a known formula
+and a few local corrections is easy to read.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from mapmore_cli.modelling import literature
 
 
 def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
-    """Return each column as one array that has the chosen samples of all curves."""
+    """Return each column as one array, which contains the chosen samples of all curves one after
+    the other.
+    """
     return {
         name: np.concatenate([curve.columns[name][rows] for curve, rows in parts])
         for name in parts[0][0].columns
@@ -28,7 +30,9 @@ def pooled(parts: Sequence[tuple[Curve, BoolArray]]) -> dict[str, Array]:
 
 
 def pooled_training(curves: Sequence[Curve]) -> dict[str, Array]:
-    """Return each column as one array that has the training samples of all curves."""
+    """Return each column as one array, which contains the training samples of all curves one after
+    the other.
+    """
     return pooled([(curve, curve.training) for curve in curves])
 
 

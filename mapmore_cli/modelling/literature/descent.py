@@ -36,10 +36,11 @@ class End(NamedTuple):
         return "converged" if self.converged else "stopped_by_limit"
 
 
-# the search ends at relative changes of coordinates or of the sum of squares below this
+# the search ends when the coordinates or the sum of squares change by less than this fraction
 TOLERANCE = 1e-15
 EVALUATIONS = 400
-REFUSED = 1e100  # replaces an overflow, so that the step is rejected
+# residual in place of an overflow; it is so large that the search rejects the step
+REFUSED = 1e100
 
 
 def descend(
@@ -49,7 +50,7 @@ def descend(
     method: Literal["trf", "lm"] = "trf",
     evaluations: int | None = None,
 ) -> list[End]:
-    """Minimise `|r(x)|^2` with SciPy's least squares from every start at which it is finite, and
+    """Minimise `|r(x)|^2` with SciPy's least squares from every start at which r is finite, and
     return the results in the order of the starts.
 
     `bounds` holds the lower and upper bounds of the coordinates, shape (k,) each; the method `lm`
@@ -99,8 +100,8 @@ def descend(
     return ends
 
 
-# A coordinate counts as being at a bound if its distance from the bound is at most this fraction of
-# its range, or at most this number if its range is infinite.
+# A coordinate is at a bound if its distance from the bound is at most this fraction of its range.
+# If the range is infinite, the distance itself must be at most this number.
 TOUCHING = 1e-6
 
 
@@ -115,10 +116,11 @@ def onto_bounds(x: Array, bounds: tuple[Array, Array]) -> tuple[Array, list[int]
     return moved, [i for i in range(len(x)) if moved[i] in (lower[i], upper[i])]
 
 
-AGREEMENT = 1e-6  # sums of squares with a smaller relative difference count as equal
+AGREEMENT = 1e-6  # sums of squares with a smaller relative difference are regarded as equal
 # another minimum is reported if its sum of squares is at most this multiple of the smallest one
 RIVAL = 1.25
-DISTINCT = 1e-3  # minima with a larger relative difference of sums of squares count as different
+# minima are different if the relative difference of their sums of squares is larger than this
+DISTINCT = 1e-3
 
 
 def agreement(ends: Sequence[End], best: End, starts: int) -> str:
@@ -141,14 +143,14 @@ def rivals(ends: Sequence[End], best: End) -> list[End]:
 
 
 STARTS = 10
-SEED = 20170714  # any fixed number, so that the same data give the same fit
+SEED = 20170714  # fixed seed of the random starts, so that the same data give the same fit
 
 
 def drawn_starts(
     nonlinear: tuple[Nonlinear, ...], count: int = STARTS, seed: int = SEED
 ) -> Iterator[Array]:
-    """Yield random points in the intervals, shape (k,) each. Magnitudes are distributed
-    log-uniformly, and the seed is fixed.
+    """Yield random points in the intervals of the k nonlinear parameters, shape (k,) each. The
+    logarithms of the magnitudes are distributed uniformly. The same seed gives the same points.
     """
     rng = np.random.default_rng(seed)
     for _ in range(count):

@@ -1,14 +1,15 @@
-"""Model muscles of one design as a family. All muscles share one function of pressure and strain,
-which is multiplied by the largest force of each muscle. This force depends on a dimension, for
-example the length.
+"""Model muscles of one design as a family. All muscles share one function f of pressure and strain.
+It is multiplied by the largest force S of the muscle, which depends on one dimension l of the
+muscle, for example its length.
 
     F = zero + S(l) f(P, strain),   S(l) = a atan(b (l - dead))   or   a l^b
 
 f is the hinged Sárosi formula, fitted to the forces of all specimens, each divided by its own
-largest force. `zero` is the mean of the slack forces of the specimens. b has a prior, because a few
-specimens hardly determine it. For the rest length of McKibben muscles, the centre of the prior is
-19.03 1/m, with a dead length of 7.5 mm (Bolen, Elzein, Pang, Hunt, Actuators 2026, from 31 muscles
-of 10 mm diameter). For a diameter, the centre is the power 2.
+largest force. `zero` is the mean of the forces of the slack muscles, over all specimens. b has a
+prior, because a few specimens hardly determine it. For the rest length of McKibben muscles, the
+centre of the prior is 19.03 1/m, and `dead`, the length of the fittings, is 7.5 mm (Bolen, Elzein,
+Pang, Hunt, Actuators 2026, from 31 muscles of 10 mm diameter). For a diameter, S is `a l^b`, and
+the centre of the prior of b is 2.
 """
 
 from __future__ import annotations
@@ -44,10 +45,10 @@ specimens of equal dimensions.
 """
 
 LOW, HIGH = 0.02, 0.995
-"""Quantiles of a specimen's forces that count as its slack force and as its largest force."""
+"""Quantiles of a specimen's forces that are used as its slack force and as its largest force."""
 
 SLACK = 0.1
-"""The lowest force of a specimen counts as its slack force if it is below this fraction of the
+"""The lowest force of a specimen is its slack force if it is below this fraction of the
 largest force. Otherwise, the specimen was never slack, and its slack force is taken as zero.
 """
 
@@ -111,8 +112,8 @@ class Family(Formula):
     metres: float = field(kw_only=True)
 
     def fit(self, columns: Columns, y: Array, method: str | None = None) -> FormulaFit:
-        """Fit the scales of all specimens and their common function. Standard errors are given for
-        the parameters of the common function.
+        """Fit the function that all specimens share, and the dependence of the largest force on the
+        dimension. Standard errors are given only for the parameters of the shared function.
 
         Raises DataError if all samples are from one specimen.
         """
@@ -150,7 +151,9 @@ class Family(Formula):
         )
 
     def _law(self, lengths: Array, largest: Array) -> tuple[float, float]:
-        """Return a and b, which are fitted to ln S by least squares, with a prior for ln b."""
+        """Return a and b of the largest force S(l). They are fitted to ln S by least squares, with
+        a prior for ln b.
+        """
         centre = math.log(CENTRE[self.settings.scale])
 
         def rest(log_b: float) -> Array:
@@ -171,8 +174,8 @@ class Family(Formula):
         return math.exp(float(np.mean(rest(best)))), math.exp(best)
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """Return the formula with its fitted numbers. The hinge is written in its readable form,
-        which may overflow.
+        """Return the formula with its fitted numbers. The smooth maximum in the formula is written
+        as `w*log(1 + exp(z))`, which is easy to read, but overflows for large z.
         """
         text = f"zero + ({_scale_text(self.settings, self.metres)})*({PRINTED})"
         return with_numbers(parse(text), fit.parameters)
@@ -196,8 +199,8 @@ def adapted(
 
     `columns` holds the pressure and strain of these points, shape (n,) each, and `target` holds the
     forces. Without points, both scales are one. The prior of each scale has the mean one and a
-    standard deviation of 15 %. Samples at the same strain have a common error, so they count as one
-    sample with an error of 5 % of the force.
+    standard deviation of 15 %. Samples at the same strain have a common error. Together, they have
+    the weight of one sample with an error of 5 % of the largest force.
     """
     family = family_of(fit.definition)
     known = {**fit.parameters, family.settings.of: dimension}

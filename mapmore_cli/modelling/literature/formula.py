@@ -38,8 +38,8 @@ RANDOM = "random"
 
 @dataclass(frozen=True)
 class LinearForm:
-    """A formula with new parameters in place of the published ones. They are chosen so that the
-    formula is linear in most of the new parameters.
+    """A formula with new parameters in place of the published ones. The new parameters are chosen
+    so that the formula is linear in most of them.
 
     `text` is the formula with the new parameters, and `linear` names those in which it is linear.
     `printed` gives each published parameter as an expression of the new parameters.
@@ -204,8 +204,8 @@ class Formula:
         return evaluate(self.expression, values, row_count(columns))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """Return the equations of a fit by their names. For most formulas, this is one equation;
-        for some, the parts of the formula follow.
+        """Return the equations of a fit by their names. Most formulas have one equation; for some,
+        equations of their parts follow.
         """
         return {self.name: self.equation(fit)}
 
@@ -284,8 +284,8 @@ class Formula:
     def _dependences(
         self, problem: LeastSquares, values: Mapping[str, float], rank: int
     ) -> Iterator[str]:
-        """Yield a note if the data do not determine all parameters, or if they would not do so
-        without the scatter of the measured values about their nominal levels.
+        """Yield a note if the data do not determine all parameters, or if the data determine all
+        parameters only because the measured inputs scatter about their nominal levels.
         """
         count = len(self.fitted)
         if rank < count:

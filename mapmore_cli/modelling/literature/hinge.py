@@ -1,4 +1,5 @@
-"""Fit Sárosi's formula with a foot for the slack muscle to normalised data.
+"""Fit Sárosi's formula with a foot to normalised data. The foot is a plane that describes the small
+forces of the slack muscle.
 
 With p = P/max|P|, x = strain/max|strain| and f = F/max|F| (any target F), the formula is
 
@@ -34,11 +35,11 @@ of `lo`, the slope of the foot with the pressure, and the logarithm of the width
 
 
 # Constants of the fit, each with its reason.
-# `docs/formula_tables.py RUNS hinge` shows the errors if one constant is halved or doubled.
+# `docs/formula_tables.py RUNS hinge` shows the errors with half and with twice each constant.
 
 # starting values of a3, from a steep decay to a curve that bends upwards
 STARTS = (-8.0, -4.0, -2.0, -0.7, 1.5)
-# evaluations for each start; only the best result is improved further
+# largest number of evaluations from each start; only the best result is improved further
 FIRST = 100
 # starting value of w: a sharp hinge, which the search can widen
 START_W = 0.02
@@ -55,21 +56,21 @@ LARGEST_W = 0.3
 # Weight of the prior of each parameter.
 # The weights are so small that a prior matters only if data do not determine its parameter.
 PRIOR_WEIGHTS = (0.01, *5 * (0.003,), 0.001, 0.03, 0.03, 0.001)
-# prior of a3/max|strain|, the exponent per unit of strain
+# centre of the prior of a3/max|strain|, the exponent per unit of strain
 DECAY = -33.0
-# the prior of a3 is limited to this value if the strain is large
+# The centre of the prior of a3, DECAY times the largest strain, is not lower than this number.
 STEEPEST = -12.0
 # The weight of the prior of a3 is this number divided by the largest strain.
 # A small range of strain hardly determines a3, so that its prior needs a larger weight.
 DECAY_WEIGHT = 0.002
-# prior of w, as a fraction of the largest target
+# centre of the prior of w, as a fraction of the largest target
 PRIOR_W = 0.03
 # Largest total weight of the data relative to the priors, as a number of samples.
 # Without this limit, priors would have no effect if there are many nearly equal samples.
 INDEPENDENT = 300
 # with at most this many strain levels, any curvature fits; this affects only the text of a note
 FEW_LEVELS = 3
-# Levels count as one level in this note if they are closer than this fraction of max|strain|.
+# strains that differ by less than this fraction of max|strain| are regarded as one strain level
 APART = 0.05
 
 
@@ -113,8 +114,8 @@ class _Problem(NamedTuple):
         return self.root * (force - self.f), self.root[:, None] * slopes
 
     def system(self, q: Array) -> tuple[Array, Array]:
-        """Return the residuals of the rows and the priors, shape (n + 10,), and their derivatives,
-        shape (n + 10, 10).
+        """Return the weighted residuals of the n rows and of the 10 priors, shape (n + 10,), and
+        their derivatives, shape (n + 10, 10).
         """
         residual, slopes = self.of_data(q)
         priors = self.weight * (q - self.centre), np.diag(self.weight)
@@ -151,7 +152,7 @@ def fit_hinge(columns: Columns, y: Array, curvature: float | None = None) -> For
     q, touched = onto_bounds(best.x, bounds)
     residual, slopes = problem.of_data(q)
     _, rank, condition = linear.parameter_errors(slopes, 0.0)
-    # there are more rows than `NAMES`, because the blend with the plain formula has more parameters
+    # `freedom` is positive, because `sarosi_hinged` has 17 parameters and refuses fewer samples
     freedom = float(problem.root @ problem.root) - len(NAMES)
     variance = float(residual @ residual) / freedom
     errors, _, _ = linear.parameter_errors(problem.system(q)[1], variance)
@@ -234,8 +235,8 @@ def _search_bounds() -> tuple[Array, Array]:
 
 
 def _start_at(problem: _Problem, a3: float) -> Array:
-    """Return starting values with the curvature a3. `hi` is fitted to the upper targets and `lo` to
-    the lowest targets, both by least squares.
+    """Return starting values of the coordinates q for a given curvature a3. By least squares, `hi`
+    is fitted to the samples with large targets, and `lo` to the samples with the smallest targets.
     """
     p, x, ones = problem.p, problem.x, np.ones_like(problem.p)
     q, decay = np.zeros(len(NAMES)), np.exp(a3 * x)

@@ -11,8 +11,8 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 
 RANK_TOLERANCE = 1e-13
-"""Singular values below this fraction of the largest count as rounding. Exactly dependent columns
-leave about 1e-16.
+"""Singular values below this fraction of the largest one are regarded as rounding errors. Exactly
+dependent columns leave about 1e-16.
 """
 
 SHARE = 0.1
@@ -48,7 +48,7 @@ def solve_linear(phi: Array, y: Array) -> LinearFit:
     basis = u * above
     components = basis.T @ y
     residual = basis @ components - y
-    # a second orthogonalisation, because a small residual has lost digits
+    # orthogonalise a second time, because a small residual has lost digits
     residual -= basis @ (basis.T @ residual)
     weights = np.divide(components, s, out=np.zeros_like(s), where=above)
     return LinearFit(vt.T @ weights / lengths, basis, residual)
@@ -59,7 +59,8 @@ def parameter_errors(jacobian: Array, variance: float) -> tuple[Array, int, floa
     solution, shape (n, p). The covariance matrix is `variance (J'J)^-1`.
 
     If the rank is deficient, the errors of parameters that the data cannot distinguish are NaN. The
-    condition number is computed without the singular values that count as zero.
+    condition number is computed without the singular values that are zero apart from rounding
+    errors.
     """
     lengths = _lengths(jacobian)
     _, s, vt = np.linalg.svd(jacobian / lengths, full_matrices=False)

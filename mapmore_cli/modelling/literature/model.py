@@ -40,8 +40,8 @@ def formula_model(
     training: Sequence[CurveRange],
     quantities: Mapping[str, Quantity],
 ) -> Model:
-    """Return a fitted formula as a model. The range of its inputs is that of the `training` curves,
-    which are in the order of their levels.
+    """Return a fitted formula as a model. The model contains the range of its inputs in each
+    `training` curve, in the order of the levels.
     """
     inputs = sorted({*literature.of(fit).inputs, *([level] if level is not None else [])})
     ordered = sorted(training, key=lambda curve: (curve.level is not None, curve.level))
@@ -55,8 +55,8 @@ def backbone_values(fit: FormulaFit | None, inputs: Columns, n: int) -> Array:
 
 
 def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> tuple[Equation, ...]:
-    """Return the equations of a fitted formula, by the names of its parts. `units` gives the number
-    of the model's units in one unit of each printed quantity.
+    """Return the equations of a fitted formula. If a printed quantity has another unit than in the
+    model, `units` gives the factor that converts printed values to the unit of the model.
     """
     if fit is None:
         return ()
@@ -68,9 +68,7 @@ def formula_equations(fit: FormulaFit | None, units: Mapping[str, float]) -> tup
 
 
 def printed(name: str, expression: Expression) -> Equation:
-    """Return an equation in which constants are combined into one number if possible, and rounded
-    to six digits.
-    """
+    """Return an equation in which numbers are combined if possible, and rounded to six digits."""
     return as_equation(name, folded(expression), DIGITS)
 
 
@@ -83,7 +81,7 @@ def where_finite(
     }
     n = row_count(columns)
     finite = np.logical_and.reduce([np.ones(n, dtype=np.bool_), *map(np.isfinite, values.values())])
-    # terms may overflow far outside the data, and rows with a NaN are replaced below
+    # no warnings: terms may overflow far outside the data, and rows with NaN are replaced below
     with np.errstate(all="ignore"):
         return np.where(finite, value(values, n), np.nan)
 
@@ -94,8 +92,8 @@ def formula_value(
     """Write a fitted formula as statements of a program, and return its value; zero if there is no
     formula.
 
-    Raises DataError if the fit failed, or if the formula is fitted to load cycles, because it then
-    searches for the free strain at every sample.
+    Raises DataError if the fit failed, or if the formula is fitted to load cycles, because such a
+    formula searches for the free strain at every sample.
     """
     if fit is None:
         return Number(0.0)

@@ -48,8 +48,8 @@ class Nonlinear:
         return largest if self.per else 1.0 / largest
 
     def written(self, c: float) -> str:
-        """Return the parameter value that belongs to a coordinate as a text, for example as a
-        multiple of 1/max|strain|.
+        """Return a text with the parameter value that belongs to the coordinate c, for example
+        `-8/max|strain|`.
         """
         per, of = self.per and f"/max|{self.per}|", self.of and f" max|{self.of}|"
         return f"{c:g}{per or of or ''}"
@@ -139,7 +139,7 @@ class LeastSquares:
 
         It is used to compute the rank for a note, because the scatter of nominally equal values
         raises the numerical rank. For example, `polynomial_5` has rank 18 of 21 at four pressures.
-        A fit uses the measured values, because it is scored on them.
+        A fit uses the measured values, because its error is computed with them.
         """
         return replace(self, columns={name: nominal(x) for name, x in self.columns.items()})
 
@@ -207,8 +207,8 @@ SCATTER = 0.1
 """Fraction of the smallest distance between two levels within which values are nominally equal."""
 
 VALUES_A_LEVEL = 5
-"""Smallest mean number of distinct values at a level for which they count as scatter; fewer values
-may be separate levels.
+"""Smallest mean number of distinct values at a level for which their differences are regarded as
+scatter. Fewer values may be separate levels.
 """
 
 

@@ -37,8 +37,9 @@ from mapmore_cli.modelling.literature.problem import LeastSquares
 
 
 class Solution(NamedTuple):
-    """Linear parameters `beta`, shape (m,), and coordinates `c`, shape (k,). `status` and `method`
-    have the values that `FormulaFit` describes.
+    """Solution of a least-squares problem: the linear parameters `beta`, shape (m,), and the
+    coordinates `c` of the nonlinear parameters, shape (k,). `status` and `method` have the values
+    that `FormulaFit` describes.
 
     `rivals` holds beta and c of other local minima with nearly as small a sum of squares.
     """
@@ -68,7 +69,7 @@ minima that no random start leads to the deepest one.
 
 METHOD = "variable projection"
 SCAN_POINTS = 24  # number of grid points in each interval of the coordinate
-# a sum of squares that changes by less than this fraction over the grid counts as constant
+# a sum of squares that changes by less than this fraction over the grid is regarded as constant
 FLAT = 1e-10
 ROUNDING = 1e-24  # a sum of squares below this fraction of y'y is only rounding error
 
@@ -128,7 +129,7 @@ def _starts(problem: LeastSquares) -> list[Array]:
     smallest sums of squares among many further random points.
     """
     places = [*drawn_starts(problem.nonlinear, PLACES, SEED + 1)]
-    with np.errstate(all="ignore"):  # where the formula overflows, the sum is not finite
+    with np.errstate(all="ignore"):  # if the formula overflows, the sum of squares is infinite
         order = np.argsort([_projected_sse(problem, place) for place in places], kind="stable")
     return [*drawn_starts(problem.nonlinear), *(places[i] for i in order[:BEST_PLACES])]
 
@@ -175,7 +176,9 @@ def _onto_bounds_of(
 
 
 def _projected_sse(problem: LeastSquares, c: Array) -> float:
-    """Return the sum of squares at some coordinates."""
+    """Return the smallest sum of squares for the coordinates c and any linear parameters; infinity
+    if the formula overflows.
+    """
     try:
         residual = _projected(problem, np.atleast_1d(c)).residual
     except (NotFinite, np.linalg.LinAlgError):
@@ -189,8 +192,9 @@ def _projected(problem: LeastSquares, c: Array) -> linear.LinearFit:
 
 def _projection(problem: LeastSquares, c: Array) -> tuple[Array, Array]:
     """Return the residual r and its derivative `dr/dc`. The part of the derivative that lies in the
-    space of the regressors is left out, because it does not contribute to the gradient (Kaufman).
-    Both results are divided by the largest target, so that they do not depend on its unit.
+    space of the regressors is left out, because it does not contribute to the gradient of the sum
+    of squares (Kaufman's approximation). Both results are divided by the largest target, so that
+    they do not depend on its unit.
     """
     unit = float(np.abs(problem.y).max()) or 1.0
     best = _projected(problem, c)
@@ -207,9 +211,10 @@ def levenberg_marquardt(problem: LeastSquares) -> Solution:
     without bounds.
 
     The linear parameters start at zero, and the nonlinear parameters at random places of their
-    intervals with a fixed seed. If published values are requested, all parameters start there. The
-    result with the lowest sum of squares is returned, and a note says from how many starts it was
-    reached. The status is `converged`, `stopped_by_limit`, or `failed` if every start overflowed.
+    intervals with a fixed seed. If the spec requests published starting values, all parameters
+    start from these values. The result with the lowest sum of squares is returned, and a note says
+    from how many starts it was reached. The status is `converged`, `stopped_by_limit`, or `failed`
+    if every start overflowed.
     """
     names, m = list(problem.gradient), len(problem.linear)
     unit = float(np.abs(problem.y).max()) or 1.0
@@ -238,11 +243,11 @@ def simplex(problem: LeastSquares) -> Solution:
     """Solve `problem` by ten simplex searches over all parameters at once, with the settings of
     MATLAB's `fminsearch`.
 
-    H does not say how its random starts are drawn. Here, a linear parameter starts at a random
-    value, positive or negative, for which its term alone is at most as large as the target. A
-    nonlinear parameter starts at a random value within its intervals. If there are many samples,
-    the search uses means of neighbouring samples. The status is `converged`, `stopped_by_limit` (of
-    evaluations), or `failed` if every start overflowed.
+    The paper H does not say how its random starting values are drawn. Here, a linear parameter
+    starts at a random value, positive or negative, for which its term alone is at most as large as
+    the target. A nonlinear parameter starts at a random value within its intervals. If there are
+    many samples, the search uses means of neighbouring samples. The status is `converged`,
+    `stopped_by_limit` (of evaluations), or `failed` if every start overflowed.
     """
     from scipy.optimize import minimize
 
@@ -279,8 +284,8 @@ def simplex(problem: LeastSquares) -> Solution:
 def _best_solution(
     problem: LeastSquares, ends: Sequence[End], starts: int, method: str
 ) -> Solution:
-    """Return the result with the smallest sum of squares, and its rivals. Results whose nonlinear
-    parameters have a sign that their intervals allow are preferred.
+    """Return the result with the smallest sum of squares, and its rivals. Results are preferred in
+    which every nonlinear parameter has a sign that its intervals allow.
     """
     if not ends:
         return failure(problem, method)

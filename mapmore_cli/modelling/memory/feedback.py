@@ -1,9 +1,9 @@
 """Write the statements that compute one sample of a model with memory: its states, and the sum of
 its terms.
 
-A term `D_j = own_j input_j` is a product of two factors. One factor depends on fed-back states, and
-the other depends on inputs. Exported programs compute both factors at each sample. Training and
-prediction compute the factor of the inputs for all samples in advance.
+A term `D_j = own_j input_j` is a product of two factors. The factor `own_j` depends on fed-back
+states, and the factor `input_j` depends on inputs. Exported programs compute both factors at each
+sample. Training and prediction compute the factor of the inputs for all samples in advance.
 """
 
 from __future__ import annotations
@@ -39,11 +39,12 @@ from mapmore_cli.modelling.program.writing import Inputs, Writer, product_as_wri
 class StateWriter:
     """Writer of statements that compute the states of one sample. Each state is written only once.
 
-    - `seen`: number of samples before the present sample, by which operators recognise the first
-      sample. It is None if all past values are known.
+    - `seen`: variable that holds the number of samples before the present sample. With it, the
+      program recognises the first samples, at which past values do not exist yet. It is None if all
+      past values are known.
     - `queues`: for each state whose past values are needed, the name of the queue that holds them.
     - `rules`: if all past values are known, each operator becomes a function of the program;
-      `rules` holds their recursions by the names of these functions.
+      `rules` holds the recursion of the operator by the name of this function.
     """
 
     def __init__(
@@ -56,8 +57,9 @@ class StateWriter:
         self.rules: dict[str, Callable[..., Any]] = {}
 
     def scaled(self, name: str) -> Expression:
-        """Write the statements that compute the scaled value of a state, which terms use.
-        `states.evaluate_states` computes the same value for whole columns.
+        """Write the statements that compute the scaled value of a state, and return the expression
+        of this value. Terms use scaled values. `states.evaluate_states` computes the same value for
+        whole columns.
         """
         states = self.states
         value = self.value(state(name))
@@ -91,7 +93,9 @@ class StateWriter:
         return self.known[wanted]
 
     def pushed(self, output: Expression) -> dict[str, Expression]:
-        """Return for each queue the value at the present sample, which is appended to the queue."""
+        """Return, for each queue of past values, the value at the present sample, which is appended
+        to the queue.
+        """
         known = {**self.known, Measured(self.output): output}
         return {queue: known[source] for source, queue in self.queues.items()}
 
@@ -109,8 +113,8 @@ class StateWriter:
         return Name(self.recalls[queue, steps].name)
 
     def _operated(self, operated: Operated) -> Expression:
-        """Write the statements of an operator, which use past values. Up to the first sample at
-        which its source has a value, the state of the operator is at rest.
+        """Write the statements that compute the state of an operator from past values. Up to the
+        first sample at which the source has a value, the state is at rest.
         """
         m = self.m
         rule = OPERATORS[operated.operator].recursion(setting_of(operated, self.states))
@@ -126,8 +130,9 @@ class StateWriter:
     def _next(
         self, stem: str, rule: Callable[..., Any], values: Sequence[Expression]
     ) -> Expression:
-        """Write the statements of a rule for the given values, and return the result. If all past
-        values are known (`seen` is None), the rule is written as a function of the program.
+        """Write the statements that apply a rule to the given values, and return the expression of
+        the result. If all past values are known (`seen` is None), the rule is written as a function
+        of the program, and this function is called.
         """
         m = self.m
         if self.seen is not None:
@@ -139,8 +144,8 @@ class StateWriter:
         return m.use(stem, function, values)
 
     def _past(self, of_state: State, count: int) -> list[Expression]:
-        """Write statements for the last `count` values of a state. Values before the first sample
-        are equal to the value at the first sample.
+        """Write statements that read the last `count` values of a state, and return their
+        expressions. Values before the first sample are equal to the value at the first sample.
         """
         past: list[Expression] = []
         for steps in range(1, count + 1):
@@ -169,8 +174,9 @@ class Parts(NamedTuple):
         weights: Sequence[Expression],
         names: Mapping[str, Expression],
     ) -> Expression:
-        """Write the output `base + sum_g weights[g] owns[g]`, and return its name. `base` is the
-        part without fed-back states. `names` holds the expressions by which states are replaced.
+        """Write the statements that compute the output `base + sum_g weights[g] owns[g]`, and
+        return the name of the output. `base` is the sum of the terms without fed-back states.
+        `names` holds, for the name of each state, the expression that replaces it.
         """
         fed = [
             product_as_written(weight, m.let("own", substitute(part, names)))
@@ -180,8 +186,8 @@ class Parts(NamedTuple):
 
 
 def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> Parts:
-    """Return terms split into factors of inputs and of fed-back states. Raises DataError like
-    `parted`.
+    """Split terms into factors of inputs and factors of fed-back states. Raises DataError if a
+    factor contains both inputs and fed-back states.
     """
     both = [parted(parse(text), fed_back) for text in terms]
     owns = list(dict.fromkeys(part for part, _ in both if part != ONE))
@@ -193,7 +199,7 @@ class Feedback:
     """Computation that a free run repeats at every sample. It computes the output and the fed-back
     states from past values.
 
-    - `queues`: the q states whose past values are needed, the output first.
+    - `queues`: the q states whose past values must be stored, the output first.
     - `recalls`: for each name of a past value, its queue, and the number of samples by which the
       value lies in the past.
     - `longest`: number of measured outputs that a run needs before its first prediction.
@@ -231,9 +237,9 @@ class Feedback:
 
     @cached_property
     def step(self) -> Run:
-        """Function that returns the q values at a sample. Its arguments are past values, `base`
-        (the sum of the terms without fed-back states), and the weights of the factors of fed-back
-        states.
+        """Function that returns the q values that are appended to the `queues` at a sample; the
+        first is the output. Its arguments are past values, `base` (the sum of the terms without
+        fed-back states), and the weights of the factors of fed-back states.
         """
         return ready_for_one_sample(self.block, self.rules)
 

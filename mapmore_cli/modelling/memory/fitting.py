@@ -21,7 +21,7 @@ from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import TrainingData
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-# the number of terms is chosen by free runs over this fraction of each piece, at its end
+# free runs over this fraction at the end of each piece decide how many terms a model has
 LATE = 0.25
 STARTS = 3  # number of sets of starting values (of the operators' parameters) that are refined
 SHORT = 2048  # number of training samples on which the refined sets of starting values are compared
@@ -92,9 +92,10 @@ def fit_with_memory(
 
 def fit_outputs(records: Sequence[Record], recipes: Sequence[MemoryRecipe]) -> list[MemoryFit]:
     """Choose and fit the terms of several outputs to the training samples of all pieces. The
-    recipes differ only in their target, and share the terms.
+    recipes differ only in their targets. All outputs get the same terms.
 
-    Raises DataError like `fit_with_memory`, and if operators have free parameters.
+    Raises the same DataErrors as `fit_with_memory`, and DataError if operators have free
+    parameters.
     """
     if numbers := left_open(records, recipes[0].dictionary, recipes[0].step).states:
         raise DataError(
@@ -170,7 +171,7 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
         choice = training.selector.best()
         chosen = choice.selection.chosen
         if not len(best):
-            # returned if no set of starting values has a finite free run
+            # this set is returned if no set of starting values has a finite free run
             best = searched
         part = numbers.those_of(training.open_in(chosen))
         problem = training.problem(chosen, short, search=True)

@@ -1,5 +1,5 @@
-"""Estimate the parameters of operators that the terms do not give, for example those of
-`wen(force[k-1])`.
+"""Estimate free parameters of operators. An example is the term `wen(force[k-1])`, which does not
+give the numbers p and q of the operator `wen`.
 
 Sets of starting values are taken from a grid. For every set, FROLS chooses the terms, and the
 one-step-ahead error is computed. The sets with the smallest errors are then refined, together with
@@ -27,21 +27,22 @@ from mapmore_cli.modelling.memory.records import Record
 
 DIGITS = 10  # number of significant digits to which estimated parameters are rounded
 ALL = 64  # if there are at most this many sets of starting values, all are tried
-# a parameter within this fraction of its range from a bound counts as being at the bound
+# a parameter is at a bound if its distance from the bound is at most this fraction of its range
 AT_BOUND = 1e-6
 
 
-Numbers = tuple[tuple[float, ...], ...]  # the numbers of each operator
+Numbers = tuple[tuple[float, ...], ...]  # for each operator, a value of each free parameter
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """The m parameters of operators that are not written in the terms, and are therefore estimated.
-    For a parameter that must be positive, the search coordinate is its logarithm.
+    """The m free parameters: parameters of operators that are not written in the terms, so that
+    they must be estimated. For a parameter that must be positive, the search coordinate is its
+    logarithm.
 
-    - `states`: the operators whose parameters are not written, each once. An operator stands after
-      the operators on which it acts. The order depends only on the names, so that it is the same
-      for any other set of terms.
+    - `states`: states of the operators whose parameters are not written, each once. A state comes
+      after the states from which it is computed. The order depends only on the names, so that it is
+      the same for any other set of terms.
     - `step`, `longest`: time between samples and duration of the longest piece, s.
     """
 
@@ -78,7 +79,7 @@ class Unknown:
         return np.where(positive, np.log(np.where(positive, numbers, 1.0)), numbers)
 
     def searched(self, numbers: Sequence[float]) -> Array:
-        """Return the search coordinates of parameters, (m,)."""
+        """Return the search coordinates, (m,), of the parameter values `numbers`."""
         return self._place(np.clip(numbers, *self.limits))
 
     def numbers(self, searched: Array, digits: int = 17) -> tuple[float, ...]:
@@ -90,7 +91,7 @@ class Unknown:
         return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
 
     def those_of(self, part: Unknown) -> BoolArray:
-        """Return a mask, (m,), that is True for the parameters in `part`. `part` holds the unknown
+        """Return a mask, (m,), that is True for the parameters in `part`. `part` holds the free
         parameters of a subset of the terms.
         """
         return np.array([operated in part.states for operated, _ in self.places], dtype=np.bool_)
@@ -117,8 +118,9 @@ class Unknown:
         return tuple(f"{parameter.key} of {operated.name}" for operated, parameter in self.places)
 
     def begun_at(self, before: Identified | None) -> Array:
-        """Return search coordinates, (m,). For parameters that were estimated `before`, they are
-        the earlier estimates; for all other parameters, they are the middle between the bounds.
+        """Return starting values of the search coordinates, (m,). For parameters that were
+        estimated `before`, these are the earlier estimates. For all other parameters, they are the
+        middle between the bounds.
         """
         at: Array = self.bounds.mean(axis=0)
         if before is not None:
@@ -144,8 +146,9 @@ class Unknown:
         """Return the `keep` sets of starting values with the smallest one-step-ahead `error`, the
         best set first.
 
-        If there are few sets, all are tried. Otherwise, the grids of the states are tried one after
-        the other, and all other states have the best parameters so far.
+        If there are few sets, all are tried. Otherwise, the states are treated one after the other:
+        all starting values of one state are tried, and all other states have the best parameters so
+        far.
         """
         grids = [
             starts(self.step, self.longest)
@@ -168,8 +171,8 @@ class Unknown:
 
 
 def left_open(records: Sequence[Record], terms: Sequence[str], step: float) -> Unknown:
-    """Return the operators' parameters that are not written in the terms. `step` is the time
-    between samples in s.
+    """Return the free parameters, which are the operators' parameters that are not written in the
+    terms. `step` is the time between samples in s.
     """
     parts = {
         part

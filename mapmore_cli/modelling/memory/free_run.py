@@ -24,9 +24,9 @@ from mapmore_cli.modelling.signals.sampling import UNEVEN
 
 
 class Along:
-    """Prediction of one recording by a model with memory, block after block. It is a free run that
-    begins with measured outputs, or, with `ahead`, it predicts one step ahead from measured
-    outputs.
+    """Prediction of one recording by a model with memory, block after block. Without `ahead`, the
+    prediction is a free run, which begins with measured outputs. With `ahead`, every sample is
+    predicted one step ahead, from measured outputs.
 
     The memory restarts at gaps of `time` (s), at steps backwards in time, and after missing inputs.
     A model without delayed outputs needs no measured output, and its free run equals its
@@ -53,8 +53,8 @@ class Along:
         self.lost = False
 
     def __call__(self, columns: Columns) -> SimulatedRun:
-        """Return the predictions for `columns`, (n,). Their rows must follow the rows of the
-        previous call. `columns` is as in `kinds.simulate`.
+        """Return the predictions for the n rows of `columns`, (n,). These rows must follow the rows
+        of the previous call.
 
         Raises DataError if an input is missing. Raises AtSample if one of the measured outputs with
         which the memory starts is missing, or if the time steps differ from those of the model.
@@ -85,8 +85,8 @@ class Along:
         return predicted
 
     def _simulated(self, piece: Columns, n: int) -> Array:
-        """Return the free run of a piece, up to the sample at which it leaves the bounds. The rows
-        before the first prediction are NaN.
+        """Return the free run of a piece, up to the sample at which the output leaves the bounds.
+        Rows before the first prediction are NaN.
         """
         if self.waiting:
             piece = {name: np.concatenate([self.waiting[name], x]) for name, x in piece.items()}
@@ -133,8 +133,8 @@ class Along:
 
 
 def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:
-    """Refuse a recording in which most time steps are longer than those of the model, because every
-    such step would count as a gap. A few longer steps are allowed and count as gaps.
+    """Raise AtSample if most time steps of a recording are longer than the time step of the model.
+    A few longer steps are allowed: each of them is a gap, at which the memory restarts.
     """
     neighbours = np.flatnonzero(np.diff(rows) == 1)
     longest = step * (1 + UNEVEN)

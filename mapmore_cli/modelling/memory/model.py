@@ -93,8 +93,8 @@ def _base(model: Model, columns: Columns) -> Array:
 
 
 def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
-    """Write statements for the output at a sample in free run. The output is NaN at the first
-    samples, and after the run has diverged.
+    """Write the statements that compute the output at a sample in free run, and return the name of
+    the output. The output is NaN at the first samples, and after the run has diverged.
     """
     seen = m.number("seen")
     writer = StateWriter(m, model.states, model.output, inputs, seen)
@@ -103,8 +103,8 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
     early = seen < float(max((state(name).lag for name in model.states.names), default=0))
 
     def bounded() -> Expression:
-        """Write statements for the output. The output is NaN from the sample at which it leaves the
-        bounds until a reset.
+        """Write the statements that compute the output. After the output has left the bounds, it is
+        NaN until the program is reset.
         """
         value, (low, high) = _sum_of_terms(m, model, names), divergence_bounds(model.limits)
         lost_now = [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)]
@@ -125,8 +125,9 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
 
 
 def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]) -> Expression:
-    """Write `constant + sum_j theta_j D_j`. Terms of inputs come first, because a free run adds
-    them first.
+    """Write the statements that compute `constant + sum_j theta_j D_j`, in which `D_j` is term j
+    and `theta_j` is its coefficient. Terms without fed-back states are added first, in the same
+    order as in a free run of `simulation`, so that rounding errors are equal too.
     """
     parts = parts_of_terms(model.terms, fed_back_states(model.states, model.output))
     sums: dict[int, list[Expression]] = {group: [] for group in range(len(parts.owns))}
@@ -186,8 +187,8 @@ class MemoryVerbs(Verbs):
         """Return the output at rest for constant inputs, shape (n,). If the output is fed back, its
         value at rest is found by Steffensen's method.
 
-        Coefficients have the shape (k,), or (k, n) if they differ between rows. Raises FitError if
-        the output does not come to rest.
+        The coefficients of the model have the shape (k,), or (k, n) if they differ between the rows
+        of `columns`. Raises FitError if the output does not come to rest.
         """
         from scipy.optimize import fixed_point
 
@@ -257,7 +258,9 @@ class MemoryVerbs(Verbs):
         return coefficients + (0 if body.backbone is None else len(body.backbone.parameters))
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
-        """Return the name of the output if it is fed back; otherwise, the result is empty."""
+        """Return a tuple with the name of the output if the output is fed back; otherwise, an empty
+        tuple.
+        """
         memory = model.body_of(Memory).model
         return (memory.output,) if fed_back_states(memory.states, memory.output) else ()
 
@@ -271,7 +274,9 @@ class MemoryVerbs(Verbs):
         )
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Yield the faults of a stored model that would not show in its predictions."""
+        """Yield a sentence if a stored model is inconsistent: its output is not the output of the
+        memory, or a term contains a state that the model does not have.
+        """
         memory = model.body_of(Memory).model
         if memory.output != model.output.name or not all(
             parse(text).names <= {*memory.states.names} for text in memory.terms

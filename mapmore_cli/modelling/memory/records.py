@@ -16,8 +16,8 @@ from mapmore_cli.modelling.signals.sampling import UNEVEN, cut_after, steps_wher
 
 
 class AtSample(DataError):
-    """An error at one `sample`, counted from 0 in the columns that were passed. `fault` is the
-    message without the number of the sample.
+    """An error at one `sample`, counted from 0 in the given columns. `fault` is the message without
+    the number of the sample.
     """
 
     def __init__(self, sample: int, fault: str, remedy: str | None) -> None:
@@ -87,8 +87,8 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
 def time_step(curves: Sequence[Curve]) -> float:
     """Return the time between samples in s, which is the median over all curves.
 
-    Raises DataError if a curve has another time step. Lags are numbers of samples, so that all
-    recordings must have the same sampling rate.
+    Raises DataError if a curve has another time step. A model with memory counts delays in samples,
+    so that all recordings must have the same time step.
     """
     steps = {curve.id: typical_step(curve.columns["time"]) for curve in curves if curve.size > 1}
     usual = float(np.median(list(steps.values()))) if steps else float("nan")

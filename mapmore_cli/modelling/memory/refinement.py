@@ -1,5 +1,6 @@
-"""Find the coefficients with the smallest simulation error, by the Levenberg-Marquardt method on
-free runs of growing horizons.
+"""Find the coefficients with the smallest simulation error, by the Levenberg-Marquardt method. The
+simulated runs restart from measured outputs after a number of samples, the horizon. The horizon
+grows during the search, until the runs never restart (free run).
 
 One step ahead, the noise of the measured outputs biases the coefficients. A free run does not use
 measured outputs. But its squared error is no quadratic function of the coefficients, and with
@@ -28,22 +29,23 @@ from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
 FIRST = 16  # number of samples of the shortest horizon
 GROWTH = 8  # factor from one horizon to the next
-# the search ends if the next horizon is less than this many times the last one without divergence
+# the search ends if the next horizon is less than this multiple of the last one without divergence
 LEAST_GROWTH = 1.2
 DAMPING = 1e-3  # Levenberg-Marquardt factor at the start
-MOST_DAMPING = 1e8  # largest Levenberg-Marquardt factor; with a larger one, the search would end
-# Each pair contains the largest number of iterations, and the relative decrease of the error below
-# which the search stops.
-THOROUGH = (40, 1e-7)  # for free runs
-QUICK = (6, 1e-2)  # for runs over a horizon
-COARSE = (40, 1e-4)  # for folds, whose errors need less accuracy
+# largest Levenberg-Marquardt factor; if no step reduces the error even then, the search ends
+MOST_DAMPING = 1e8
+# Each pair limits a search by the number of iterations and by the relative decrease of the error.
+THOROUGH = (40, 1e-7)  # iterations and smallest relative decrease for free runs
+QUICK = (6, 1e-2)  # iterations and smallest relative decrease for runs over a horizon
+# iterations and smallest relative decrease if the search begins at an earlier fit to more samples
+COARSE = (40, 1e-4)
 # step of the difference quotient for the derivative with respect to a parameter of an operator
 NUDGE = 1e-5
 
 
 def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
-    """Return the derivatives of the outputs of a run with respect to theta and the constant, shape
-    (n, k + 1). They are infinite or NaN if the run is unstable.
+    """Return the derivatives of the n simulated outputs with respect to theta and the constant,
+    shape (n, k + 1). The derivatives are infinite or NaN if the run is unstable.
     """
     feedback = piece.feedback
     n = len(run.begins)
@@ -70,9 +72,9 @@ def sensitivities(piece: ReadyPiece, run: Trajectory, theta: Array) -> Array:
 
 
 def _banded(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
-    """Return the diagonals of the matrix `I - d(values)/d(past values)`, except for its main
-    diagonal, which the solver assumes to be one. Values before a restart of the run are measured,
-    so their derivatives are zero.
+    """Return the diagonals below the main diagonal of the matrix `I - d(values)/d(past values)`.
+    The solver assumes that the main diagonal is one. Values before a restart of the run are
+    measured, so their derivatives are zero.
     """
     q, _, n = slopes.shape
     recalls = list(piece.feedback.recalls.values())
@@ -88,13 +90,15 @@ def _banded(piece: ReadyPiece, run: Trajectory, slopes: Array) -> Array:
 
 
 class Point(NamedTuple):
-    """A point of the search, with its runs.
+    """A point of the search for coefficients and parameters, with the runs of the model at this
+    point.
 
     - `vector`: theta, the constant, and the operators' parameters in the coordinates of
       `Unknown.searched`, shape (k + 1 + m,).
-    - `error`, `runs`: the objective, which is infinite if a run diverges, and the runs of all
-      pieces.
-    - `residuals`: measured minus simulated output of all samples that count, shape (n,).
+    - `error`: value of the function to be minimised; it is infinite if a run diverges. `runs`: the
+      runs of all pieces.
+    - `residuals`: measured minus simulated output of the n samples in the masks `counted`, shape
+      (n,).
     """
 
     vector: Array
@@ -105,11 +109,11 @@ class Point(NamedTuple):
 
 @dataclass(frozen=True)
 class FreeRunProblem:
-    """Simulation error of one set of terms on training samples.
+    """Problem of finding the smallest simulation error of one set of terms on training samples.
 
-    - `pieces`: function that returns the pieces for the operators' parameters, (m,).
-    - `counted`: a mask, (n,), for each piece, of the samples whose errors count.
-    - `bounds`: smallest and largest output of a run.
+    - `pieces`: function that returns the prepared pieces for given operators' parameters, (m,).
+    - `counted`: for each piece, a mask of the samples whose errors are added up, (n,).
+    - `bounds`: smallest and largest output; a run that leaves this interval has diverged.
     - `ridge`: factor of each squared coefficient in the penalty, (k,).
     - `free_constant`: True if the model has a constant of its own.
     - `between`: lower and upper bounds of the vector (coefficients, constant and operators'
@@ -160,8 +164,8 @@ class FreeRunProblem:
         return curvature, self.downhill(point, slopes)
 
     def downhill(self, point: Point, slopes: Array) -> Array:
-        """Return half of the negative gradient of the error at a point. `slopes` are the
-        derivatives of the outputs at this point.
+        """Return the negative gradient of the error at a point, divided by two, shape (k + 1 + m,).
+        `slopes` are the derivatives of the outputs at this point.
         """
         theta, _, _ = self.split(point.vector)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -188,9 +192,9 @@ class FreeRunProblem:
         return np.column_stack(columns)
 
     def free(self, vector: Array, downhill: Array) -> BoolArray:
-        """Return True for the entries of the vector that may change, shape (k + 1 + m,). An entry
-        may not change if it is at a bound and the next step would lead beyond the bound. The
-        constant may not change if the model has no constant of its own.
+        """Return a mask, shape (k + 1 + m,), that is True for the entries of the vector that may
+        change. An entry may not change if it is at a bound and the next step would lead beyond the
+        bound. The constant may not change if the model has no constant of its own.
         """
         low, high = self.between
         at_low, at_high = vector <= low, vector >= high
@@ -201,7 +205,7 @@ class FreeRunProblem:
 
 def refine(problem: FreeRunProblem, start: Array) -> Point:
     """Search from the vector `start` for the smallest error in free run, and return the point. The
-    error is infinite if all runs diverge.
+    error of the point is infinite if the search finds no free run that stays within the bounds.
     """
     *_, numbers = problem.split(start)
     fed_back = any(piece.feedback.weights for piece in problem.pieces(numbers))
@@ -229,10 +233,10 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
 def minimise(
     problem: FreeRunProblem, start: Array, horizon: int | None, effort: tuple[int, float]
 ) -> Point:
-    """Search by the Levenberg-Marquardt method with runs of `horizon` samples (None for free runs).
-    A step is rejected if it raises the error or if its run diverges. The pair `effort` contains the
-    largest number of iterations, and the relative decrease of the error below which the search
-    stops.
+    """Search the smallest error by the Levenberg-Marquardt method, and return the best point. The
+    runs restart after every `horizon` samples (None for free runs). A step is rejected if it raises
+    the error or if its run diverges. The pair `effort` contains the largest number of iterations,
+    and the relative decrease of the error below which the search stops.
 
     SciPy's trust-region method is not used, because it ends in other minima, which are on average
     not lower.
@@ -267,20 +271,20 @@ def minimise(
 
 
 def _of_unit_diagonal(curvature: Array) -> tuple[Array, Array]:
-    """Return the matrix `curvature`, scaled so that its diagonal is one, and the scale of each
-    entry. Scaling is needed because coefficients differ by orders of magnitude.
+    """Scale the matrix `curvature` so that its diagonal is one. Return the scaled matrix and the
+    scale of each coefficient. Scaling is needed because coefficients differ by orders of magnitude.
     """
     size = np.sqrt(np.maximum(np.diag(curvature), np.finfo(np.float64).tiny))
     return curvature / size / size[:, None], size
 
 
 def free_run_errors(problem: FreeRunProblem, vector: Array) -> tuple[Array, float]:
-    """Return the standard errors of a point, shape (k + 1 + m,), and the number of independent
-    samples to which the samples are equivalent. Both are computed from the derivatives of the
-    outputs and the autocovariance of the residuals at this point.
+    """Return the standard errors of the entries of `vector`, shape (k + 1 + m,), and the number of
+    independent samples to which the samples are equivalent. Both are computed from the derivatives
+    of the outputs and the autocovariance of the residuals.
 
-    All errors are NaN if no degree of freedom is left or a slope is not finite. The error of a
-    parameter at its bound is NaN too.
+    All errors are NaN if no degree of freedom is left or a slope is not finite. The standard error
+    of a parameter at its bound is NaN too.
     """
     point = problem.at(vector)
     slopes = problem.slopes(point)

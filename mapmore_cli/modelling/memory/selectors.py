@@ -45,8 +45,8 @@ class Regressors:
     def blocks(
         self, among: IntArray | None = None, part: slice = slice(None)
     ) -> Iterator[tuple[Array, Array]]:
-        """Yield the dictionary and the output block by block, optionally with only some of the
-        terms or samples.
+        """Yield the regressors and the output block by block, optionally for only some of the terms
+        (`among`) or samples (`part`).
         """
         terms = self.terms if among is None else [self.terms[i] for i in among]
         states = columns_at(self.states, part)
@@ -60,7 +60,7 @@ def regressors(
 ) -> Regressors:
     """Return the training samples of all pieces at which every state has a value.
 
-    Raises DataError if there are none, or the output is missing.
+    Raises DataError if there is no such sample, or if the output is missing.
     """
     parts: list[tuple[Columns, Array]] = []
     unsure = uncertainty_of(target)
@@ -92,9 +92,9 @@ FOLDS = 4  # number of blocks of samples for the cross-validation that chooses t
 
 @dataclass(frozen=True)
 class TermChoice:
-    """Chosen terms of one model. `selection` has coefficients in units of the candidates,
-    `constant` is the constant of the model, and `forward` holds the candidates that were chosen
-    before pruning.
+    """Chosen terms of one model. `selection` has the coefficients of the candidates themselves, not
+    of the standardised candidates, `constant` is the constant of the model, and `forward` holds the
+    candidates that were chosen before pruning.
     """
 
     selection: Selection
@@ -133,7 +133,7 @@ class _Plain:
             refuse_beyond_memory(len(data.terms))
 
     def best(self) -> TermChoice:
-        """Return the model with the number of terms that the recipe's rule chooses."""
+        """Return the model whose number of terms is chosen by the stopping rule of the recipe."""
         recipe = self.recipe
         every = np.arange(len(self.data.terms))
         rule = () if recipe.stop == "free_run" else (recipe.tolerance, recipe.stop)
@@ -146,15 +146,16 @@ class _Plain:
         return [largest.forward[: size + 1] for size in range(len(largest.forward))]
 
     def among(self, chosen: IntArray, stop: str) -> TermChoice:
-        """Return the model with the given candidates, in the order of their error reduction. `stop`
+        """Return the model with the given candidates, sorted by their error reduction ratio. `stop`
         is the reason for the number of terms, and is stored with the selection.
         """
         choice = self._selected(chosen, len(chosen))
         return replace(choice, selection=replace(choice.selection, stop=stop))
 
     def penalty(self, chosen: IntArray) -> Array:
-        """Return the factor of each squared coefficient in the penalty, shape (k,). It is the ridge
-        times the sum of squares of the candidate about its mean.
+        """Return the factor of each squared coefficient in the penalty, shape (k,). Without a
+        ridge, the factors are zero. With a ridge (`_Ridged`), each factor is the ridge times the
+        sum of squares of the candidate about its mean.
         """
         return np.zeros(len(chosen))
 
@@ -176,8 +177,8 @@ class _Ridged:
     """Term selection by regularised FROLS: forward selection, then pruning.
 
     It uses sums of products that are computed block by block, and has the same methods as `_Plain`.
-    If the recipe has no number for the ridge, it is chosen here. Raises DataError if no candidate
-    explains anything.
+    If the ridge of the recipe is `auto`, cross-validation chooses the ridge. Raises DataError if no
+    candidate explains anything.
     """
 
     def __init__(self, data: Regressors, recipe: MemoryRecipe) -> None:
@@ -228,7 +229,7 @@ class _Ridged:
 
 
 def selector(data: Regressors, recipe: MemoryRecipe) -> _Plain | _Ridged:
-    """Return an object that chooses models with any number of terms. It uses plain FROLS if the
-    recipe has no ridge, and regularised FROLS otherwise.
+    """Return an object that selects the terms of models with different numbers of terms. It uses
+    plain FROLS if the recipe has no ridge, and regularised FROLS otherwise.
     """
     return _Plain(data, recipe) if recipe.ridge == 0.0 else _Ridged(data, recipe)

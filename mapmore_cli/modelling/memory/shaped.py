@@ -1,9 +1,9 @@
 """Fit a model with memory so that its static gain has a known sign.
 
-If the inputs are constant, operators come to rest. If the model has no delayed outputs, its output
-at rest is linear in the coefficients. The coefficients are then fitted with the sign as a
-constraint, by the same method as for a static model (`shape.exchange`). For a model with delayed
-outputs, the sign is only checked.
+If the inputs are constant for a long time, the states of all operators become constant. If the
+model has no delayed outputs, this output at rest is linear in the coefficients. The coefficients
+are then fitted with the sign as a constraint, by the same method as for a static model
+(`shape.exchange`). For a model with delayed outputs, the sign is only checked.
 """
 
 from __future__ import annotations
@@ -92,9 +92,10 @@ def with_signed_gain(
 
 
 def _warnings_of_zero_gain(shaped: Model, region: Region) -> Iterator[str]:
-    """Yield a warning for each required sign that makes the static gain zero. This happens if a fit
-    without the requirement has a gain of the opposite sign. If the training error also becomes
-    clearly larger, the required sign is wrong, and FitError is raised.
+    """Yield a warning for each required sign with which the static gain has become zero. This
+    happens if the fit without the required sign has a gain of the opposite sign. If the required
+    sign also makes the training error clearly larger, FitError is raised, because the sign is
+    wrong.
     """
     shape = shaped.shape
     assert shape is not None

@@ -24,10 +24,10 @@ DIVERGED = 100.0
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A run, and the samples at which it was restarted.
+    """A simulated run, and the samples at which it was restarted from measured outputs.
 
-    - `values`: (q, n) the output, and all other values that are needed at later samples. If the
-      run diverged, it has fewer samples than the piece.
+    - `values`: (q, n) the output, and all other values that are needed at later samples. If the run
+      diverged, n is smaller than the number of samples in the piece.
     - `begins`: (n,) for each sample, the sample at which its run was last restarted.
     """
 
@@ -41,13 +41,13 @@ class Trajectory:
 
 
 class ReadyPiece:
-    """A piece prepared for one set of terms: its samples from the row `start` on, at which every
-    state of inputs has a value and the longest delay is over.
+    """A piece of a recording, prepared for one set of terms. The n samples begin at the row
+    `start`, the first row at which all states of inputs and all delayed outputs have values.
 
-    - `inputs`: (n, k) factor of each term that depends only on inputs.
+    - `inputs`: (n, k) for each of the k terms, the factor that depends only on inputs.
     - `measured`: (start + n,) output; NaN if it is unknown.
     - `history`: (q, start + n) values that are needed at later samples, computed from the measured
-      output. Before the first measured output, they are at rest.
+      output. In the rows before the first known value, this value is repeated.
     - `past`: the last values of the states in an earlier piece, if this piece continues it.
     """
 
@@ -140,7 +140,7 @@ class ReadyPiece:
         return Trajectory(np.concatenate(parts, axis=1), begins[:done])
 
     def recalled_at(self, sample: int) -> Array:
-        """Return the past values that the model needs at a sample, shape (q, depth). They are
+        """Return the last `depth` values of each queue before a sample, shape (q, depth). They are
         computed from the measured output.
         """
         back = np.arange(-self.feedback.depth, 0) + self.start + sample
@@ -179,8 +179,8 @@ def refuse_unknown_beginning(piece: ReadyPiece) -> None:
 
 
 def divergence_bounds(limits: Ends) -> Ends:
-    """Return the smallest and the largest output at which a run has not yet diverged, from the
-    training range.
+    """Return the smallest and the largest output that a run may reach; beyond them, it has
+    diverged. `limits` is the training range of the output.
     """
     low, high = limits
     reach = DIVERGED * (high - low if high > low else max(abs(high), 1.0))

@@ -35,9 +35,9 @@ def evaluate_states(
     ranges (`low` and `high`), each state is scaled by its range and clipped. At the first rows, a
     state that needs earlier values is NaN.
 
-    With `past`, the piece continues an earlier piece. `past` holds the last values of the earlier
-    piece, and the function replaces them by the last values of this piece. With `still`, every row
-    is treated separately, as if all quantities had always had the values of this row.
+    With `past`, the piece continues an earlier piece. `past` then holds the last values of the
+    earlier piece; this function replaces them by the last values of this piece. With `still`, every
+    row is treated separately, as if all quantities had always had the values of this row.
 
     Raises DataError if a quantity is missing.
     """
@@ -136,7 +136,8 @@ def resolve_states(
     """Return the states with these names, together with all parameters that they need.
 
     `resonances` holds the parameters of oscillators that are already known. For a `resonance`
-    without numbers, the oscillator is used that explains most of the recipe's target.
+    without numbers, the frequency and the damping are determined with which the oscillator explains
+    most of the recipe's target.
 
     Raises DataError if a quantity is missing, or no training sample has a value of every state.
     """
@@ -182,8 +183,8 @@ def resolve_states(
 
 
 def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, ...]:
-    """Return the dictionary with numbers from the training ranges in place of `unit`. Raises the
-    same errors as `resolve_states`.
+    """Return the terms of the dictionary, in which every call of `unit` is replaced by a linear
+    function with numbers from the training ranges. Raises the same errors as `resolve_states`.
     """
     waiting = {
         name for text in recipe.dictionary if RANGED in text for name in candidate(text).names
@@ -211,7 +212,7 @@ def _training_values(values: Sequence[Array], training: Sequence[BoolArray]) -> 
     return np.concatenate([column[rows] for column, rows in zip(values, training, strict=True)])
 
 
-# natural frequencies of a load on a soft muscle, in Hz
+# natural frequencies that are tried, in Hz; a load on a soft muscle has such frequencies
 FREQUENCIES = tuple(np.geomspace(1.0, 15.0, 30).tolist())
 DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
 
@@ -219,15 +220,15 @@ DAMPINGS = (0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7)
 def find_resonance(
     driving: Sequence[Array], output: Sequence[Array], training: Sequence[BoolArray], step: float
 ) -> tuple[float, float]:
-    """Return the frequency (Hz) and the damping ratio of the oscillator with which the training
-    output is explained best. If several oscillators are equally good, return the slowest.
+    """Return the frequency (Hz) and the damping ratio of the oscillator that explains the training
+    output best. If several oscillators are equally good, return that with the lowest frequency.
 
     The output is fitted by a linear combination of `[1, x, x^2, s, y, v]`. Here, x is the driving
     quantity, s is a slow state of x (in place of all other memory), and y and v are the position
     and the velocity of the oscillator.
 
     - `driving`, `output`: (n,) for every piece.
-    - `training`: (n,) True for samples that count.
+    - `training`: (n,) for every piece, True for training samples.
     """
     # fewer than five samples per period cannot show an oscillation
     frequencies = [frequency for frequency in FREQUENCIES if frequency * step <= 0.2]

@@ -31,8 +31,8 @@ from mapmore_cli.modelling.selection import MemoryRecipe
 
 
 class TrainingData:
-    """One set of training samples. `numbers` holds the parameters of those operators for which the
-    recipe's dictionary gives no parameters.
+    """Training samples of a model with memory, prepared for the fit. `numbers` holds the parameters
+    of those operators for which the recipe's dictionary gives no parameters.
 
     Raises DataError if a quantity is missing, too few samples have enough earlier samples, or a
     state cannot be fed back.
@@ -120,7 +120,9 @@ class TrainingData:
         return replace(selection, theta_error=errors, worth=worth)
 
     def open_in(self, chosen: IntArray) -> Unknown:
-        """Return the operators' parameters that are not written in the chosen candidates."""
+        """Return the free parameters of the chosen candidates: the operators' parameters that are
+        not written in these terms.
+        """
         return left_open(
             self.records, [self.recipe.dictionary[i] for i in chosen], self.recipe.step
         )
@@ -128,7 +130,8 @@ class TrainingData:
     def problem(
         self, chosen: IntArray, counted: Sequence[BoolArray] | None = None, *, search: bool = False
     ) -> FreeRunProblem:
-        """Return the simulation error of some candidates as a problem to be minimised.
+        """Return the problem of finding the smallest simulation error of a model with the chosen
+        candidates.
 
         The error is computed from all training samples, or only from the samples in the masks
         `counted`, (n,) for each record. The variables of the problem are the coefficients, the
@@ -138,7 +141,8 @@ class TrainingData:
         a run starts is missing.
         """
         wanted = [record.training for record in self.records] if counted is None else counted
-        parts = []  # runs stop at the last sample that counts
+        # each piece, cut off after the last sample whose error is used
+        parts = []
         for record, mask in zip(self.records, wanted, strict=True):
             end = int(np.max(np.flatnonzero(mask), initial=-1)) + 1
             if end:

@@ -16,10 +16,11 @@ OPERATORS: Mapping[str, Operator] = {
 
 
 def families() -> Mapping[str, tuple[Operator, ...]]:
-    """Return the operators of each family of a spec, by the family's key.
+    """Return the operators of every family, by the key of the family in a spec. A family consists
+    of operators with the same parameters, for example `resonance` and `resonance_velocity`.
 
-    An operator without numbers has no family. A spec uses it by its name, for example
-    `rate(pressure)`.
+    An operator without parameters belongs to no family. A spec uses such an operator by its name,
+    for example `rate(pressure)`.
     """
     written: dict[str, tuple[Operator, ...]] = {}
     for operator in OPERATORS.values():

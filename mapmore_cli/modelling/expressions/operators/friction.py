@@ -13,20 +13,24 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-# values of v at which the search begins, as fractions of the training range of x
+# starting values of v in the search, as fractions of the training range of x
 WIDTHS = (0.001, 0.004, 0.016, 0.064, 0.25)
-# limits of the velocity v: with the first, tanh(x/v) is almost a jump; with the second, a line
+# smallest v, with which tanh(x/v) is almost a jump, and largest v, with which it is almost linear
 FINEST, COARSEST = 1e-4, 4.0
 
 
 def coulomb(setting: Setting) -> Recursion:
-    """Return the rule `tanh(x/v)`, with v as a fraction of the training range of x."""
+    """Return the rule `tanh(x/v)`. In the name of a state, v is a fraction of the training range of
+    x.
+    """
     v = setting.width or 1.0
     return Recursion(0, 0, lambda m, x: m.call("tanh", x / v), lambda x: np.tanh(x / v))
 
 
 def saturate(setting: Setting) -> Recursion:
-    """Return the rule `s[k] = min(max(x[k], low), high)`. It has no memory."""
+    """Return the rule `s[k] = min(max(x[k], low), high)`. Here, low and high are the smallest and
+    the largest training value of x. The rule has no memory.
+    """
     low, high = setting.limits
     return Recursion(0, 0, lambda m, x: m.clip(x, low, high), lambda x: np.clip(x, low, high))
 

@@ -1,5 +1,5 @@
-"""Define first-order lags, for example for creep or for the filling of a volume. Also define rates
-of change of signals whose rate is not measured, for example of a fed-back output.
+"""Define first-order lags, for example for creep or for the filling of a volume. Also define the
+rate of change of a signal, for example of a fed-back output, and the direction of its last change.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ BEYOND = 100.0
 
 
 def slow(setting: Setting) -> Recursion:
-    """Return the rule `s[k] = a s[k-1] + (1 - a) x[k]` with `a = exp(-step/tau)`."""
+    """Return the rule `s[k] = a s[k-1] + (1 - a) x[k]` with `a = exp(-step/tau)`. Here, tau is the
+    time constant, and step is the time between samples.
+    """
     a = math.exp(-setting.step / setting.numbers[0])
     return linear([a], [1 - a])
 
@@ -51,7 +53,7 @@ def creep(setting: Setting) -> Recursion:
     keeps = math.exp(-setting.step / tau)
 
     def following(m: Arithmetic, s: Amount, x: Amount) -> Amount:
-        # the limits change no value, because tanh(60) is 1 in floating-point numbers
+        # the limits -60 and 60 change no result, because tanh(60) is 1 in floating-point numbers
         left = keeps * m.call("tanh", m.clip((x - s) / (2 * width), -60.0, 60.0))
         return x - width * (m.call("log1p", left) - m.call("log1p", -left))
 
@@ -65,7 +67,8 @@ def rate_of_change(setting: Setting) -> Recursion:
 
 def last_direction(_setting: Setting) -> Recursion:
     """Return the rule for the direction of the last change of x: 1 after a rise, -1 after a fall,
-    and 0 before the first change. Applied to `play(x, r)`, it has a dead band of r.
+    and 0 before the first change. Applied to `play(x, r)` instead of x, the rule ignores changes of
+    x that are too small to move the play.
     """
 
     def following(m: Arithmetic, s: Amount, x: Amount, before: Amount) -> Amount:

@@ -9,16 +9,17 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion, Setting
 
-WIDEST = 0.5  # as a fraction of the range of x; with a larger half-width, play never moves
+# largest half-width, as a fraction of the range of x; with a larger one, play moves only once
+WIDEST = 0.5
 
 WIDTHS = Parameter("widths", "1", "0.1", below=1.0, between=lambda _step, _longest: (1e-3, WIDEST))
-# half-widths at which the search begins, as fractions of the range of x
+# starting values of the half-width in the search, as fractions of the range of x
 STARTS = ((0.02,), (0.05,), (0.1,), (0.2,), (0.35,))
 
 
 def play_recursion(setting: Setting) -> Recursion:
     """Return the rule `w[k] = min(max(w[k-1], x[k] - width), x[k] + width)` with `w[0] = x[0]`;
-    `width` is half the gap.
+    `width` is half the gap of the backlash.
 
     A sum of such operators is the Prandtl-Ishlinskii model (P. Krejci, K. Kuhnen 2001).
     """
@@ -28,7 +29,7 @@ def play_recursion(setting: Setting) -> Recursion:
 
 def stop_recursion(setting: Setting) -> Recursion:
     """Return the rule `s[k] = min(width, max(-width, s[k-1] + x[k] - x[k-1]))` with `s[0] = 0`: the
-    part of x that `play` does not follow.
+    difference between x and `play`.
 
     A sum of such operators is the Maxwell-slip model.
     """
@@ -53,8 +54,9 @@ def play(x: Array, width: float) -> Array:
 
 
 def spread_widths(count: int, _step: float = 0.0, _longest: float = 0.0) -> tuple[float, ...]:
-    """Return `count` evenly spaced half-widths, as fractions of the training range. With each of
-    them, play and stop can move.
+    """Return `count` evenly spaced half-widths, as fractions of the training range. All are below
+    one half, because with a larger half-width, the output of play would be constant after its first
+    move.
     """
     return tuple(round(WIDEST * (i + 1) / (count + 1), 4) for i in range(count))
 

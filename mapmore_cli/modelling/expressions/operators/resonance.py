@@ -14,11 +14,11 @@ from mapmore_cli.modelling.expressions.operator import (
 
 
 def position(setting: Setting) -> Recursion:
-    """Return the rule `y[k] = 2 q cos(th) y[k-1] - q^2 y[k-2] + gain x[k]` of an oscillator with
-    unit gain.
+    """Return the rule `y[k] = 2 q cos(th) y[k-1] - q^2 y[k-2] + gain x[k]` of a damped oscillator.
+    The gain is such that y becomes equal to x if x is constant.
 
     Here, `w = 2 pi frequency` with the frequency in Hz, `q = exp(-damping w step)`, and `th = w
-    step sqrt(1 - damping^2)`. The damping ratio is below one.
+    step sqrt(1 - damping^2)`. The damping ratio `damping` is below one.
     """
     past, gain, _ = _oscillator(setting)
     return linear(past, [gain])

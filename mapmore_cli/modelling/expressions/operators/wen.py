@@ -1,5 +1,5 @@
-"""Define the Bouc-Wen model of smooth hysteresis with two rates, integrated exactly. If both rates
-are equal, it is Dahl's friction model.
+"""Define the Bouc-Wen model of smooth hysteresis, which has two rates. The model is integrated
+exactly. If both rates are equal, it is Dahl's friction model.
 """
 
 from __future__ import annotations
@@ -13,21 +13,21 @@ from mapmore_cli.modelling.expressions.operator import (
     Setting,
 )
 
-# largest exponent; with a larger one, the state is practically infinite and the run has diverged
+# limit of the exponent in exp(); beyond this limit, the state is practically infinite
 STEEPEST = 700.0
-# upper bound of p and q in training. With this value, the state has adapted to a reversal after x
-# has moved by about 1e-4 of its training range.
+# upper bound of the rates p and q in training
+# With this bound, the state adapts to a reversal while x moves by 1e-4 of its training range.
 MOST = 1e4
 
 
 def recursion(setting: Setting) -> Recursion:
-    """Return the rule of z with `dz/du = 1 - p |z|` while z moves away from zero, and `dz/du = 1 +
-    q |z|` while z moves towards zero. The input u is x divided by its training range.
+    """Return the rule of the state z with `dz/du = 1 - p |z|` while z moves away from zero, and
+    `dz/du = 1 + q |z|` while z moves towards zero. The input u is x divided by its training range.
 
-    In one step, u changes by d. Let s be the sign of d, let a be its magnitude, and let w = s z.
-    Each branch is a first-order lag in a: `w' = w exp(-r a) + (1 - exp(-r a))/r`, with r = q for w
-    < 0 and r = p otherwise. From w < 0, zero is reached after `a = ln(1 - q w)/q`. Sources: Y. K.
-    Wen 1976; P. R. Dahl 1968 (p = q).
+    In one step, u changes by d. Let s be the sign of d, let a be its magnitude, and let w = s z. On
+    each side of zero, w is a first-order lag in a. After the step, it is `w' = w exp(-r a) + (1 -
+    exp(-r a))/r`, with r = q for w < 0 and r = p otherwise. From w < 0, zero is reached after `a =
+    ln(1 - q w)/q`. Sources: Y. K. Wen 1976; P. R. Dahl 1968 (p = q).
     """
     p, q = setting.numbers[0], setting.numbers[-1]
     low, high = setting.limits

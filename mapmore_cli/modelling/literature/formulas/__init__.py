@@ -1,1 +1,3 @@
-"""Define the formulas of the literature, one module with a `FORMULA` or `FORMULAS` for each."""
+"""Contain the formulas of the literature. Every module defines one formula (`FORMULA`) or several
+similar formulas (`FORMULAS`).
+"""

@@ -15,7 +15,7 @@ paper H searches all seven parameters with the simplex method (`method: simplex`
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
 from mapmore_cli.modelling.literature.problem import Nonlinear
 
-# At the largest velocity, b0 may change the active force by up to ten times its size.
+# At the largest velocity, the factor `1 + b0 v` of the active force lies between -9 and 11.
 # b0 may have both signs, because on a joint the user chooses the sign of the velocity.
 DAMPING = Nonlinear("b0", per="velocity", intervals=((-10.0, -1e-4), (1e-4, 10.0)))
 

@@ -1,5 +1,5 @@
-"""Define polynomials in strain and pressure. The coefficient `a21`, for example, multiplies
-`strain^2*pressure^1`.
+"""Define polynomials in two or three quantities. The digits in the name of a coefficient are
+exponents: for example, `a21` multiplies `strain^2*pressure^1`.
 """
 
 from itertools import product
@@ -17,7 +17,9 @@ def polynomial_formula(
     about: str,
     component: str = "static",
 ) -> Formula:
-    """Return the polynomial with the given powers of the quantities in `of`."""
+    """Return a polynomial in the quantities `of`. `powers` holds, for each term, the exponent of
+    every quantity.
+    """
     names = tuple(f"a{''.join(map(str, each))}" for each in powers)
     monomials = (
         "*".join(f"{name}^{power}" for name, power in zip(of, each, strict=True)) for each in powers

@@ -7,8 +7,8 @@ from mapmore_cli.modelling.literature.problem import Intervals, Nonlinear
 
 # Bounds of a3*max|strain|. In every publication, the exponent a3 is negative (about -8 in W).
 # With a positive exponent, the force would fall steeply outside the training data.
-# At the bound -50, the force decays within 1/50 of the largest strain.
-# Between -1e-3 and 0, the exponential is almost a straight line, as the linear terms are.
+# If a3*max|strain| is -50, the exponential falls to 37 % within 1/50 of the largest strain.
+# If a3*max|strain| is between -1e-3 and 0, the exponential is almost a straight line.
 DECAY = ((-50.0, -1e-3),)
 
 STARTS = {
@@ -37,7 +37,8 @@ converted to a fraction, and `printed` holds the numbers as printed.
 
 def sarosi(letter: str, curvature: Intervals = DECAY) -> Formula:
     """Return Sárosi's formula. Its parameters are named by `letter` and a number, for example `a1`
-    to `a6`. The exponent is searched in the intervals `curvature`.
+    to `a6`. The intervals `curvature` limit the search for the product of the exponent (`a3`) and
+    max|strain|.
     """
     names = tuple(f"{letter}{number}" for number in range(1, 7))
     a1, a2, a3, a4, a5, a6 = names

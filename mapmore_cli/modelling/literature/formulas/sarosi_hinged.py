@@ -35,8 +35,7 @@ from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 
-# If the training RMSE of a part is below this fraction of max|F|, the weight of the part hardly
-# increases if its RMSE becomes even smaller.
+# an RMSE below this fraction of max|F| hardly increases the weight of the hinged or plain part
 GOOD_ENOUGH = 0.01
 
 PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the exponent s3 may be negative or positive
@@ -59,9 +58,9 @@ class SarosiHinged(Formula):
         formula.
 
         `method` is the method for the plain formula. Each parameter has its standard error from the
-        fit of the hinged or of the plain part; the share has no standard error. Status and
-        condition number are those of the part with the larger share. Raises the same errors as
-        `Formula.fit`.
+        fit of the hinged or of the plain part. `share`, the weight of the hinged part, has no
+        standard error. Status and condition number are those of the part with the larger weight.
+        Raises the same errors as `Formula.fit`.
         """
         problem = self.problem(columns, y)
         columns, y = problem.columns, problem.y
@@ -108,8 +107,8 @@ class SarosiHinged(Formula):
         )
 
     def equation(self, fit: FormulaFit) -> Expression:
-        """Return the formula in its readable form. If `hi - lo` is larger than 700 w, this form
-        overflows, but `predict` does not.
+        """Return the fitted formula in the form that is easiest to read. If `hi - lo` is larger
+        than 700 w, this form overflows. `predict` uses another form, which does not overflow.
         """
         return with_numbers(parse(PRINTED), fit.parameters)
 

@@ -29,8 +29,9 @@ from mapmore_cli.modelling.literature.formula import LOAD_CYCLES, Formula, with_
 from mapmore_cli.modelling.literature.formulas.sarosi import sarosi
 from mapmore_cli.modelling.literature.problem import finite
 
-SHORTEST = 1.0  # strain at which the search for the free strain ends
-BISECTIONS = 60  # number of bisections from an interval of one strain down to rounding errors
+SHORTEST = 1.0  # the free strain is searched up to this strain
+# number of bisections; they shorten an interval of length one to the size of rounding errors
+BISECTIONS = 60
 
 
 class ForceCurve(NamedTuple):
@@ -90,8 +91,8 @@ class HysteresisLoss(Formula):
 
     `text` is the damping force (M2 eq 19) as an expression of the inputs, `length` (m) and two more
     quantities: `zeta`, Lehr's damping coefficient (eq 21), and `stiffness`, `k_t = (d F_su/d
-    strain)/length` (eq 20, with the muscle's length for its n_t w_t). The pressure is in kPa, the
-    strain a fraction, strain_rate in 1/s, and the load in N. The load is the weight in the
+    strain)/length` (eq 20, with the muscle's length in place of n_t w_t). The pressure is in kPa,
+    the strain a fraction, strain_rate in 1/s, and the load in N. The load is the weight in the
     experiment that is predicted; its mass is load/9.81 (M2 table 3 prints the mass in newtons).
 
     zeta is a fraction, so it is limited to [0, 1]. M2 does not define zeta if there is no free
@@ -103,8 +104,8 @@ class HysteresisLoss(Formula):
     fitted_to: ClassVar[str] = LOAD_CYCLES
 
     def fit(self, *_: object, **__: object) -> FormulaFit:
-        """Raise DataError, because this formula is fitted to load cycles: a measured damping force
-        does not show the energy that is lost in a cycle.
+        """Raise DataError, because this formula can be fitted only to load cycles, by `fit_cycles`.
+        A measured damping force does not show the energy that is lost in a cycle.
         """
         raise DataError(
             f"{self.name} is fitted to load cycles, not to a target",
@@ -167,8 +168,8 @@ class HysteresisLoss(Formula):
         return evaluate(self.expression, {**columns, **numbers, "zeta": share}, len(share))
 
     def equations(self, fit: FormulaFit) -> dict[str, Expression]:
-        """Return the expression of the damping force, in which `zeta` is a name, and the force
-        curves of the two branches, which determine zeta.
+        """Return the equation of the damping force, in which zeta is a variable, and the equations
+        of the two force curves from which zeta is computed.
         """
         return {
             self.name: self.equation(fit),
@@ -187,8 +188,9 @@ class HysteresisLoss(Formula):
 def lehr(parameters: Mapping[str, float], pressure: Array) -> Array:
     """Return `zeta = (U_u - U_l)/U_u` (M2 eq 21) at each `pressure`, shape (n,).
 
-    The result is not limited to [0, 1]. If the muscle is almost slack, the energy U_u of the stroke
-    is nearly zero, and zeta becomes infinite. It is also infinite if U_u overflows.
+    U_u and U_l are the energies of a stroke on the upper and on the lower branch of a load cycle.
+    The result is not limited to [0, 1]. If the muscle is almost slack, U_u is nearly zero, and zeta
+    becomes infinite. It is also infinite if U_u overflows.
     """
     upper, lower = (_curve(parameters, branch, pressure) for branch in ("au", "al"))
     start = parameters["strain_min"]
