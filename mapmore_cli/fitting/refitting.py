@@ -27,8 +27,9 @@ Masks = tuple[BoolArray, ...]
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int) -> list[BoolArray]:
-    """Divide each of the parts (row numbers) into `count` contiguous blocks. Return a mask,
-    (size,), for each number: the first mask selects the first block of every part, and so on.
+    """Divide each array of row numbers in `parts` into `count` contiguous blocks. Return `count`
+    masks, (size,) each: the first mask selects the first block of every array, the second mask the
+    second block, and so on.
     """
     split = [np.array_split(part, count) for part in parts]
     masks = []

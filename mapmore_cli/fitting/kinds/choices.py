@@ -131,7 +131,9 @@ def by_trial(segment: SegmentSection) -> bool:
 
 
 def model_choices(spec: ExperimentSpec) -> ModelChoices:
-    """Return the sections of a spec that determine the model, as the fuse stage reads them."""
+    """Return the sections of a spec that determine the model. The stage `fuse` depends on all of
+    them.
+    """
     spec = with_definitions(spec)
     return ModelChoices(
         spec.data.levels,
