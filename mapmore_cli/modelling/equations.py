@@ -151,7 +151,7 @@ def summed(
     """Return a sum of terms, and the meaning of the names of its scaled inputs: `p` for `pressure`,
     `sr` for `strain_rate`, `v16` for `voltage[k-16]`.
 
-    If a quantity is printed in another unit, `units` says how many of the model's units are one
+    If a quantity is printed in another unit, `units` holds the number of the model's units in one
     printed unit. If all terms are products of powers and no input has an offset, the scale factors
     are multiplied into the coefficients. No short names are then needed, as in table 5 of M2.
     """
@@ -184,7 +184,8 @@ def summed(
                 for tree, degree in zip(trees, degrees, strict=True)
                 if name in tree.names
             )
-            # with the scaled input zero at the right end of its range, most terms become shorter
+            # If z is zero at the right end of its range, most terms that are no powers, for example
+            # sqrt(1 + z), are shorter in the input z + 1, which is zero at the left end.
             shift = 1.0 if placed.get(name) == "right" and bent > 0 else 0.0
             short[name], where[fresh] = (
                 Name(fresh) - shift,

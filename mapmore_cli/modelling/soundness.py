@@ -1,8 +1,7 @@
-"""Check that a stored model can be evaluated. This is done once, when the model is read.
-
-Types and single values are checked earlier; here, mapmore checks that the parts of the model fit
-together. A model is refused if its kind finds a fault (`faults`), or if a trial on a few rows ends
-with an internal error.
+"""Check that a stored model can be evaluated. This is done once, when the model is read. Types and
+single values were checked before; here, mapmore checks that the parts of the model are consistent.
+A model is refused if its kind finds a fault (`faults`), or if a trial on a few rows ends with an
+internal error.
 """
 
 from __future__ import annotations

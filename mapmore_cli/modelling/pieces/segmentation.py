@@ -30,9 +30,11 @@ from mapmore_cli.modelling.frols.remainders import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-# width over which slopes are computed, and smallest distance of two bends (fraction of the range)
+# Width of the window in which a slope is computed, and smallest distance between two boundaries of
+# `gradient`. Both are fractions of the range of the curve.
 WINDOW = 0.1
-# Because of rounding errors, two bends may be closer than their smallest distance by this fraction.
+# Because of rounding errors, two boundaries may be closer by this fraction of their smallest
+# distance.
 ROUNDING = 1e-9
 # smallest number of samples in a segment, so that a gap in a curve gets no segment of its own
 FEWEST_SAMPLES = 5
@@ -43,7 +45,8 @@ def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
     slope of the curve changes most. The samples, (n,), may be in any order.
 
     Each boundary is at least one window away from the others and from the ends of the range, and
-    each segment holds enough samples. If there are too few such places, there are fewer boundaries.
+    each segment has at least `FEWEST_SAMPLES` samples. If too few places satisfy these conditions,
+    fewer boundaries are returned.
     """
     from scipy.signal import find_peaks
 
@@ -68,9 +71,10 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     """Return places along a curve and the change of slope at each place, shape (m,) each. The
     change is the slope to the right minus the slope to the left.
 
-    A slope is that of the line between two moving averages, at the place and one window away from
-    it. Near the ends of the curve, windows are shorter. x and y are averaged over the same samples,
-    so that a straight line stays straight.
+    Each slope is that of a straight line through two points of the smoothed curve: the point at the
+    place, and the point one window to the right or to the left. Near the ends of the curve, windows
+    are shorter. The curve is smoothed by a moving average of x and y over the same samples, so that
+    a straight line stays straight.
     """
     at, smooth = running_median(x, y, window)
     here = np.arange(len(at))

@@ -115,8 +115,9 @@ class Writer:
         return call(function, expression(x))
 
     def side(self, value: Side) -> Block:
-        """Return the block of a branch or of a function. If `value` is a function, call it and
-        collect the statements that it writes.
+        """Return the block of a branch or of a function. If `value` is a function, it is called,
+        and the statements that it writes are the statements of the block. Otherwise, the block has
+        the result `value` and no statements.
         """
         if not callable(value):
             return Block((), (expression(value),))
@@ -135,7 +136,9 @@ class Writer:
         return name
 
     def use(self, stem: str, function: str, arguments: Iterable[Operand]) -> Expression:
-        """Write the call of a function of the program, and return the name of the result."""
+        """Write a statement that calls a function of the program, and return the name to which its
+        result is assigned.
+        """
         name = self.fresh(stem)
         self.statements.append(Use((name,), function, tuple(map(expression, arguments))))
         return Name(name)
@@ -247,8 +250,8 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> tuple[Block, set
 
 
 def _pruned_statement(statement: Statement, used: Set[str]) -> tuple[Statement, Set[str]] | None:
-    """Return the part of a statement that computes the `used` results, and the names that this part
-    uses; None if none of its results is used.
+    """Return the part of a statement that computes the results in `used`, and the names that this
+    part uses. Return None if no result of the statement is in `used`.
     """
     match statement:
         case Let(name) | Recall(name) if name not in used:

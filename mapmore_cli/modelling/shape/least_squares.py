@@ -17,7 +17,7 @@ STEPS = 50
 # rounding errors, and far below the violations that inequalities cause if they contradict each
 # other.
 MISSED = 1e-6
-# a residual of the dual problem below this counts as zero
+# a residual of the dual problem below this limit is treated as zero
 NOTHING_LEFT = 1e-30
 
 

@@ -32,23 +32,27 @@ from mapmore_cli.modelling.shape.stencils import (
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# number of places of the grid on which differences of the training output are examined
+# number of nodes of the grid on which differences of the training output are computed
 COMPARED = 4096
 # smallest and largest number of places along one input
 LEAST_ALONG = 24
 MOST_ALONG = 1000
 FEWEST = 10  # smallest number of differences that can support a sign
-# if at most this fraction of the differences contradicts a sign, noise is not tested as the cause
+# If at most this fraction of the differences has the wrong sign, the data are accepted without a
+# test.
 CONTRADICTED = 0.05
 # a fall by less than this fraction of the range of the output is a rounding error
 ROUNDING = 1e-9
 LEVEL = 0.01
-"""Probability with which noise on a constant output is refused as a contradiction."""
+"""Significance level: probability that the noise of a constant output is mistaken for a
+contradiction.
+"""
 
-RUNS = 199  # number of simulations of noise alone
+RUNS = 199  # number of simulations of a constant output with noise
 # a contradiction of fewer standard errors is never significant
 UNLIKELY = 2.0
-# a contradiction counts only if a fitted surface contradicts the sign by this many standard errors
+# The slope of the fitted surface must have the wrong sign by more than this number of standard
+# errors.
 CONFIRMED = 3.0
 # The test uses means over several widths. For each width, at most this number of contradictions,
 # the most significant ones, may be tested with a fitted surface.
@@ -67,8 +71,8 @@ def refuse_unsupported(
     *,
     over_time: bool = False,
 ) -> None:
-    """Raise FitError if a quantity in `fit.shape` does not vary, or if the training data contradict
-    or do not support a required sign.
+    """Raise FitError if a quantity in `fit.shape` does not vary, if the training data contradict a
+    required sign by more than their noise, or if there are too few differences to support the sign.
 
     Only the data are used, so that `check` and a run give the same result. The test compares the
     interpolated training output at neighbouring values of the quantity, while all other inputs have
@@ -134,7 +138,8 @@ def _ranges_of(
 
 
 def _axes(region: Region, level: str | None) -> dict[str, Array]:
-    """Return, for each input, the places of the grid on which the training output is examined."""
+    """Return, for each input, the places of the grid at which the training output is interpolated.
+    """
     most = np.clip(round(COMPARED ** (1 / len(region.names))), LEAST_ALONG, MOST_ALONG)
     axes = dict(region.fixed)
     for name, x in zip(region.names, region.places.T, strict=True):
@@ -144,9 +149,10 @@ def _axes(region: Region, level: str | None) -> dict[str, Array]:
 
 
 class _Against(NamedTuple):
-    """Contradiction between training data and a condition of the shape. `amount` is the difference
-    between the means of two groups of neighbouring places, and `errors` is this difference in
-    standard errors. `cells` are the cells from which the contradiction at the `place` was computed.
+    """Contradiction between the training data and a condition of the shape. `amount` is the
+    difference with the wrong sign between the means of two groups of neighbouring places, and
+    `errors` is this difference divided by its standard error. `place` is the stencil of both
+    groups. `cells` holds the indices of the cells from which the difference was computed.
     """
 
     errors: float
@@ -170,9 +176,10 @@ def _contradiction(
     inside: BoolArray,
     between: csr_array,
 ) -> _Against | None:
-    """Return the largest significant contradiction of a sign; None if there is none. A
-    contradiction is significant if noise alone would cause it with a probability of at most
-    `LEVEL`, and if the slope of a surface through its cells confirms it.
+    """Return the contradiction of the condition `asked` with the largest number of standard errors;
+    None if no contradiction is significant. A contradiction is significant if noise alone would
+    cause it with a probability of at most `LEVEL`, and if the slope of a surface that is fitted to
+    the cells confirms it.
     """
     from scipy.sparse import csr_array
 
@@ -209,14 +216,14 @@ def _contradiction(
 
 
 def _confirmed(region: Region, asked: ShapeWord, cells: IntArray) -> bool:
-    """Return True if the slope of a surface through some cells contradicts a sign by more than
-    `CONFIRMED` of its standard errors. The surface is linear in the quantity of the sign, and
-    quadratic in the other inputs.
+    """Fit a surface to some cells, and return True if its slope has the wrong sign. The magnitude
+    of the slope must be more than `CONFIRMED` times its standard error. The surface is linear in
+    the quantity of the condition `asked`, and quadratic in the other inputs.
 
     This confirmation is needed because the output between scattered cells is interpolated linearly
     in long, thin simplices. If the true output is curved, the interpolated output may fall although
-    the true output rises. A fitted surface averages this out. If the surface cannot follow the
-    curvature, its residuals and therefore its standard errors are larger.
+    the true output rises. The surface is fitted to more cells and has no such simplices. If it
+    cannot follow the curvature, its residuals are larger, and therefore its standard errors too.
     """
     others = [name != asked.quantity for name in region.names]
     x = region.places[cells]

@@ -25,13 +25,14 @@ def find_levels(values: Array) -> Array:
     bins with fewer than two other bins between them are one level, so that levels closer than about
     2 % of the range are not distinguished. Ramps between holds are sparse and give no level. A
     level is the median of its samples, rounded to the power of ten below their standard deviation
-    (149.73 +- 1.6 gives 150), and exact if they are all equal. Values that vary by less than 5 % of
-    their size are one level.
+    (149.73 +- 1.6 gives 150), and exact if they are all equal. If the values vary by at most 5 % of
+    the largest magnitude, there is one level.
 
     The result is empty if the quantity never dwells, for example in a steady sweep.
     """
     low, high = np.quantile(values, [0.001, 0.999], method="closest_observation")
-    # one level; this includes ranges that are so small that the bins would have no width
+    # The values have one level if they vary little. The second limit is needed because the bins of
+    # an extremely small range would have no width.
     if high - low <= max(0.05 * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))

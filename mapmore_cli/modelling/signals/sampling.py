@@ -161,13 +161,14 @@ def cut_after(n: int, breaks: IntArray) -> list[slice]:
 
 
 DECIMATION = 1.5  # if a new step contains at least this many samples, they are averaged
-# a stamp within this fraction of a step from the edge of a block counts as on the edge
+# a stamp is treated as on the edge of a block if it is nearer to the edge than this fraction of a step
 ON_EDGE = 1e-6
 
 
 def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[str, Array]]:
-    """Resample a record without gaps to stamps `step` apart, shape (m,), with its quantities, shape
-    (m,). For a record shorter than a step, m is 0.
+    """Resample a record without gaps. Return m stamps that are `step` apart, shape (m,), and every
+    quantity at these stamps, shape (m,). If several samples are averaged and the record is shorter
+    than a step, m is 0.
 
     If a step contains several samples, they are replaced by their mean, with the stamp of their
     middle. This average has no delay, and it attenuates frequencies above the new sampling rate.

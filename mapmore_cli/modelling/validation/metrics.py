@@ -128,8 +128,8 @@ def divisor(dataset: Dataset, kind: str) -> Normaliser:
 
 
 def ends_of(columns: Sequence[Array], masks: Sequence[BoolArray]) -> tuple[float, float]:
-    """Return the smallest and the largest value in all columns. In each column, only the rows in
-    its mask are used.
+    """Return the smallest and the largest value of all columns together. `masks` selects the rows
+    of each column that are used.
     """
     ends = [extremes(x, mask) for x, mask in zip(columns, masks, strict=True) if mask.any()]
     low, high = zip(*ends, strict=True)
@@ -137,8 +137,8 @@ def ends_of(columns: Sequence[Array], masks: Sequence[BoolArray]) -> tuple[float
 
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
-    """Return the forecasts of every model, restricted to the rows that all models predict. Without
-    this restriction, models that need earlier samples would be scored on fewer rows than others.
+    """Return the forecasts of every model, restricted to the rows that all models predict.
+    Otherwise, a model that needs earlier samples would be scored on fewer rows than other models.
     """
     common = [
         np.logical_and.reduce([forecast.ready for forecast in curve])
@@ -164,13 +164,13 @@ def score_rows(
     group: str | None = None,
     free: int = 0,
 ) -> Iterator[Score]:
-    """Yield the score rows of one model from its `forecasts` of the dataset's curves. With
-    `partial`, only samples with a prediction count.
+    """Yield the rows of the score table for one model. `forecasts` holds its predictions of every
+    curve. If `partial` is True, samples without a prediction are ignored.
 
     Each split has rows for all samples, for each curve, for each direction of a curve, and for each
-    value of the quantity `group`. There is no row without a predicted sample. `scale` is the
-    `divisor` of the study; `free` is the number of parameters that were fitted to all training
-    samples.
+    value of the quantity `group`. A row without a predicted sample is left out. `scale` is the
+    number by which errors are divided (see `divisor`). `free` is the number of parameters that were
+    fitted to all training samples.
     """
     for split, held in SPLITS:
         rows: dict[tuple[int, Any], tuple[str, list[ScoredSamples]]] = {}
@@ -192,8 +192,8 @@ def score_rows(
 
 @dataclass(frozen=True)
 class ScoredSamples:
-    """Samples of one curve with a forecast. Only the samples in the mask `wanted`, (n,), are
-    used.
+    """Samples of one curve, with their measured and predicted values. Only the samples in the mask
+    `wanted`, (n,), are used.
     """
 
     curve: Curve
@@ -225,7 +225,8 @@ def _rows_of(
     curve: Curve, wanted: BoolArray, number: int, group: str | None
 ) -> Iterator[tuple[tuple[int, Any], str, BoolArray]]:
     """Yield the rows of the score table to which the `wanted` samples of a curve, (n,), contribute.
-    For each row, yield its place in the table, its name, and a mask of its samples.
+    For each row, yield a sorting key (its position in the table), its name, and a mask of its
+    samples.
     """
     yield (0, number), curve.id, wanted
     if DIRECTION in curve.columns:
@@ -241,7 +242,9 @@ def _rows_of(
 
 
 def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int) -> Compared:
-    """Join the samples of several curves to the samples of one row of the score table."""
+    """Return one row of the score table. Its samples are those of all `parts`, which may belong to
+    several curves.
+    """
 
     def blocks() -> Iterator[SampleBlock]:
         return chain.from_iterable(part.blocks() for part in parts)

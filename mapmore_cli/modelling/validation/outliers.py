@@ -52,8 +52,9 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
 
 
 def _found_at(dataset: Dataset, at: int) -> tuple[str, str, str]:
-    """Return the curve of a sample, and its place: the file and the row in this file. `at` is the
-    number of the sample, counted over all curves.
+    """Return the curve of a sample, the file from which the sample was read, and its row in this
+    file. `at` is the number of the sample if the samples of all curves are counted one after the
+    other.
     """
     ends = np.cumsum([curve.size for curve in dataset.curves])
     number = int(np.searchsorted(ends, at, side="right"))
