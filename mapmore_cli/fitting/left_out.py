@@ -198,7 +198,7 @@ def refit_run(run_dir: Path, dataset: Dataset) -> Model:
 
 MUCH = 0.1
 """Largest fraction of the held-out samples that may be equal to training samples of a model by
-chance. With a larger fraction, the model counts as trained with the held-out samples.
+chance. With a larger fraction, the model is regarded as trained with the held-out samples.
 """
 
 

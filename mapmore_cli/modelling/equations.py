@@ -184,8 +184,7 @@ def summed(
                 for tree, degree in zip(trees, degrees, strict=True)
                 if name in tree.names
             )
-            # If z is zero at the right end of its range, most terms that are no powers, for example
-            # sqrt(1 + z), are shorter in the input z + 1, which is zero at the left end.
+            # For -1 <= z <= 0, a term such as sqrt(1 + z) is printed shorter with the input z + 1.
             shift = 1.0 if placed.get(name) == "right" and bent > 0 else 0.0
             short[name], where[fresh] = (
                 Name(fresh) - shift,

@@ -50,8 +50,8 @@ than `STEEP` times the slope of its secant, because the output may then turn twi
 CHUNK = 500  # number of rows that are computed at once
 BISECTIONS = 50  # number of bisections down to rounding errors
 SAME = 1e-9  # smaller differences, as a fraction of the range of outputs, are treated as zero
-# largest relative difference between the output at a solution and the wanted output
-# A larger difference means that bisection has found a jump of the output instead of a solution.
+# At a solution, the output differs from the wanted output by at most this fraction of it.
+# If the difference is larger, bisection has found a jump of the output instead of a solution.
 REACHED = 1e-6
 
 

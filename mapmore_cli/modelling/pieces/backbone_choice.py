@@ -35,8 +35,9 @@ from mapmore_cli.modelling.pieces.recipe import Recipe
 
 FEWEST_FOLDS = 2  # smallest number of folds with which formulas are compared
 FEW = "sarosi_hinged"  # formula that is used if there are fewer than `FEWEST_FOLDS` folds
-# A formula with fewer parameters is preferred if its error exceeds the smallest error by at most
-# this fraction. Larger fractions gave worse models of measured muscles.
+# Formulas are equally good if their errors exceed the smallest error by at most this fraction.
+# Of equally good formulas, the formula with the fewest parameters is chosen.
+# Larger fractions than 2 % gave worse models of measured muscles.
 MARGIN = 0.02
 
 # largest number of samples of a curve for the choice of a backbone, evenly spread along the curve

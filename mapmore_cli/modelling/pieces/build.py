@@ -60,9 +60,8 @@ def segment(
     Raises DataError if a segment holds no sample, or if a curve has too few samples for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
-    # With a robust loss, the weights of the samples would depend on the segmentation, so that the
-    # errors of different segmentations could not be compared. Boundaries are therefore compared by
-    # least squares.
+    # Boundaries are always compared by the errors of least-squares fits, even with a robust loss.
+    # The weights of a robust fit depend on the boundaries, so that errors are not comparable.
     recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
     recipes = [recipe, *(replace(recipe, target=name) for name in also)]
     training = training_curves(curves, recipe.level is not None)

@@ -23,8 +23,8 @@ from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.pieces.segment_fit import quantities_in
 
-# If there are too few levels to leave one of them out, a curve or a surface is divided into this
-# number of contiguous blocks. Each inner block is left out once.
+# With too few levels to leave one out, each curve is divided into this number of blocks.
+# Each of the inner blocks of a curve is left out of one fit.
 BLOCKS = 5
 
 Folds = list[tuple[BoolArray, ...]]

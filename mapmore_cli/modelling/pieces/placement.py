@@ -20,8 +20,8 @@ from mapmore_cli.modelling.signals.sampling import even_share
 # The output at the anchor is computed from this fraction of the samples, those nearest to it.
 END_FRACTION = 0.05
 FEWEST = 3  # smallest number of samples from which the output at the anchor is computed
-# Up to this number v of inputs, all `2^v` corners of their range are tried as the anchor. With more
-# inputs, only two corners are tried: the left ends of all inputs, and the right ends of all inputs.
+# Up to this number v of inputs, all `2^v` corners of their ranges are tried as the anchor.
+# With more inputs, two corners are tried: the left ends and the right ends of all inputs.
 EVERY_CORNER_UP_TO = 3
 # In the fit of the parabola, singular values below this fraction of the largest are set to zero.
 FLAT = 1e-3

@@ -13,11 +13,9 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
-# Pieces are evaluated slightly outside the range of the samples. Beyond each end, the distance from
-# the range is this fraction of the range of an input.
+# Pieces are evaluated up to this fraction of the range of an input beyond both ends of the range.
 REACH = 0.1
-# A value is extreme if its distance from the middle of the range of the measured output is larger
-# than this multiple of the range.
+# An output is extreme if it is farther from the middle of the measured range than 1.5 such ranges.
 ASTRAY = 1.5
 LOOKED_AT = 400  # largest number of samples at which pieces are evaluated
 

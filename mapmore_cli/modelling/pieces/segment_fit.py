@@ -113,8 +113,8 @@ def best_placement(
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, each, origin) for each in recipes]
     robust = recipe.fit.loss != "squares"
-    # With a robust loss, the weights of the samples depend on the scaling. Scalings are therefore
-    # compared by the scale of the residuals instead of their weighted sum of squares.
+    # With a robust loss, the weights of the samples depend on how the inputs are scaled.
+    # Scalings are then compared by the scale of the residuals instead of a weighted sum of squares.
     missed = "scale" if robust else "sse"
     ends = {
         name: np.array(extremes(x)) for name, x in zip(variables, outputs[0].inputs, strict=True)
@@ -303,6 +303,6 @@ def _chosen_terms(
     z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
     choice = choose(P, target, stopping, weighings[0])
-    # `only` is replaced by a function that does not refer to P. The memory of a wide dictionary is
-    # then released before the next dictionary is built.
+    # The function `only` is replaced by a function that does not refer to the matrix P.
+    # The memory of a wide matrix P is then released before the next matrix is built.
     return (replace(choice, only=problems[0].of),)

@@ -30,11 +30,10 @@ from mapmore_cli.modelling.frols.remainders import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-# Width of the window in which a slope is computed, and smallest distance between two boundaries of
-# `gradient`. Both are fractions of the range of the curve.
+# A slope is computed in a window with this fraction of the range of the curve as its width.
+# With `method: gradient`, two boundaries are at least one such window apart.
 WINDOW = 0.1
-# Because of rounding errors, two boundaries may be closer by this fraction of their smallest
-# distance.
+# The smallest distance of two boundaries is reduced by this fraction because of rounding errors.
 ROUNDING = 1e-9
 # smallest number of samples in a segment, so that a gap in a curve gets no segment of its own
 FEWEST_SAMPLES = 5

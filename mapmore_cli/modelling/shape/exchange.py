@@ -29,13 +29,13 @@ ROUNDS = 60  # largest number of times that inequalities are added on one grid
 ADDED = 200  # largest number of inequalities that are added at once for one condition
 # smaller violations, as a fraction of the range of the training output, are ignored
 ROUNDING = 1e-11
-# Square root of a small ridge, as a fraction of the length of each column. The ridge keeps
-# coefficients near their start if the data do not determine them.
+# square root of a small ridge, divided by the length of each column of the regressor matrix
+# The ridge keeps coefficients near their starting values if the data do not determine them.
 RIDGE = 1e-11
 # number of coefficients whose derivatives are computed together, to limit the memory
 TOGETHER = 16
-# The coefficients of an inequality between very close places may be rounding errors. The inequality
-# is ignored if they are smaller than this multiple of the rounding error.
+# The coefficients of an inequality between very close places may be nothing but rounding errors.
+# An inequality is ignored if its coefficients are smaller than this many rounding errors.
 ROUNDING_ERRORS = 1000
 
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-# Largest number of steps of the non-negative least squares, divided by the number of inequalities.
-# About one step is needed for each inequality that binds.
+# largest number of steps of the non-negative least squares, divided by the number of inequalities
+# The algorithm needs about one step for each inequality that binds.
 STEPS = 50
-# Tolerance of the inequalities, as a fraction of the largest right-hand side. It is far above
-# rounding errors, and far below the violations that inequalities cause if they contradict each
-# other.
+# tolerance of the inequalities, as a fraction of the largest right-hand side
+# The tolerance is much larger than rounding errors.
+# If inequalities contradict each other, their violations are much larger than the tolerance.
 MISSED = 1e-6
 # a residual of the dual problem below this limit is treated as zero
 NOTHING_LEFT = 1e-30

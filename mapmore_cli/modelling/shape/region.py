@@ -101,8 +101,7 @@ class Region:
             try:
                 net = Delaunay(places)
                 faces = ConvexHull(places).equations
-                # Places outside the convex hull are left out before `find_simplex` is called,
-                # because it would search all simplices for each of them.
+                # `find_simplex` is slow for places outside the hull, which are left out here.
                 near = (asked @ faces[:, :-1].T + faces[:, -1]).max(axis=1) < OUTSIDE_TOLERANCE
                 simplex[near] = net.find_simplex(asked[near])
             except QhullError:  # no simplex exists if all samples lie on a line

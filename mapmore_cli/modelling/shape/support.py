@@ -38,8 +38,7 @@ COMPARED = 4096
 LEAST_ALONG = 24
 MOST_ALONG = 1000
 FEWEST = 10  # smallest number of differences that can support a sign
-# If at most this fraction of the differences has the wrong sign, the data are accepted without a
-# test.
+# If at most this fraction of the differences has the wrong sign, the data are accepted at once.
 CONTRADICTED = 0.05
 # a fall by less than this fraction of the range of the output is a rounding error
 ROUNDING = 1e-9
@@ -51,11 +50,10 @@ contradiction.
 RUNS = 199  # number of simulations of a constant output with noise
 # a contradiction of fewer standard errors is never significant
 UNLIKELY = 2.0
-# The slope of the fitted surface must have the wrong sign by more than this number of standard
-# errors.
+# A slope with the wrong sign confirms a contradiction if it exceeds this many standard errors.
 CONFIRMED = 3.0
-# The test uses means over several widths. For each width, at most this number of contradictions,
-# the most significant ones, may be tested with a fitted surface.
+# Means over several numbers of neighbouring places are compared.
+# For each of these numbers, at most this many contradictions are tested with a fitted surface.
 TRIED = 32
 ABOUT = 3  # for d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell
 LOCAL = 12  # the noise of a cell is the mean over at least this many cells around it

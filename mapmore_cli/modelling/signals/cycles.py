@@ -14,8 +14,7 @@ from mapmore_cli.domain.errors import DataError
 
 # a reversal by less than this fraction of the range is noise or a minor loop
 SWING = 0.1
-# Rests are cut off at both ends of a branch. At each end, the branch becomes shorter by at most this
-# fraction of the range.
+# Rests are cut off at both ends of a branch, but at each end at most this fraction of its range.
 TRIM = 0.01
 FEWEST = 5  # smallest number of places at which a branch must be measured
 REMEDY = "leave out `cycles`, or record a movement there and back with more samples"

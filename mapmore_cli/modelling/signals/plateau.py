@@ -31,8 +31,8 @@ def find_levels(values: Array) -> Array:
     The result is empty if the quantity never dwells, for example in a steady sweep.
     """
     low, high = np.quantile(values, [0.001, 0.999], method="closest_observation")
-    # The values have one level if they vary little. The second limit is needed because the bins of
-    # an extremely small range would have no width.
+    # Values that vary little have one level.
+    # For an extremely small range, the bins of the histogram would have no width.
     if high - low <= max(0.05 * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))

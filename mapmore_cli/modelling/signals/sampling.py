@@ -161,7 +161,7 @@ def cut_after(n: int, breaks: IntArray) -> list[slice]:
 
 
 DECIMATION = 1.5  # if a new step contains at least this many samples, they are averaged
-# a stamp is treated as on the edge of a block if it is nearer to the edge than this fraction of a step
+# a stamp nearer to the edge of a block than this fraction of a step is treated as on the edge
 ON_EDGE = 1e-6
 
 

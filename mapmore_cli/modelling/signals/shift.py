@@ -28,7 +28,7 @@ LEAST_OVERLAP = 0.5
 LEAST_EVENTS = 0.3
 RATIO = 1.15  # smallest ratio of the best peak to the second best peak
 # smallest Fisher's z of the best peak, in standard deviations of noise
-# This z must be large, because the best peak is chosen from thousands of lags.
+# The limit is high because noise has a high peak too, if it is the highest of thousands of lags.
 SIGMAS = 7.0
 MOST = 2_000_000  # largest number of grid points of the longer record
 FEWEST = 8  # smallest number of samples of a record

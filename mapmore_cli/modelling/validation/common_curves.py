@@ -14,11 +14,11 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.ranges import limits
 
-# `GRID` is the number of points along the input that varies within a curve. If several inputs
-# vary, `COARSE_GRID` is the number of points along each of them.
+# If one input varies within a curve, `GRID` is the number of points along this input.
+# If several inputs vary, `COARSE_GRID` is the number of points along each of them.
 GRID, COARSE_GRID = 41, 11
-# Levels of two models are treated as equal if their distance is below this fraction of the smallest
-# distance between two levels of one model.
+# Let d be the smallest distance between two levels of the same model.
+# Levels of two different models are treated as equal if their distance is below this fraction of d.
 SAME_LEVEL = 0.05
 FEWEST_CURVES = 2  # smallest number of curves for a comparison
 

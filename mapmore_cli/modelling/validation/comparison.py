@@ -29,11 +29,9 @@ tests of 5 % each).
 """
 
 CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # possible results of a comparison
-# result of a comparison of two models that were fitted to the same recordings; any difference is
-# then an effect of the settings
+# result for two models of the same recordings, whose differences are caused by the settings
 OF_SETTINGS = "settings"
-# A relative change of force below this margin is of no interest, because repeated measurements
-# differ by as much.
+# A change of the force by less than this fraction is ignored: repeated measurements differ as much.
 MARGIN = 0.01
 MOST_POINTS = 6  # largest number of reference points
 

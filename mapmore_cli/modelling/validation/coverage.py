@@ -18,7 +18,7 @@ from mapmore_cli.modelling.signals.sampling import even_share
 
 MARGIN = 0.1
 """Distance from the convex hull of the training samples, in units of the ranges of both inputs, up
-to which a combination counts as known. Repeated loops differ by less.
+to which a combination is treated as known. Repeated loops differ by less.
 """
 
 ANGLES = np.pi * np.arange(1, 24) / 24

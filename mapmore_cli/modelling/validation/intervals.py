@@ -78,13 +78,12 @@ five.
 LEAST = 1e-3
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
-# a sample is treated as at a level if its distance from the level is less than this fraction of the
-# gap between two levels
+# A sample is treated as at a level if it is nearer to it than this fraction of the gap of levels.
 AT_LEVEL = 0.02
 
 MANY = 7  # smallest number of levels for which the rule for few levels is not needed
-# Number of parts into which each recording is divided. The mean of each part is compared with the
-# means of the same part of repeated recordings.
+# Each recording is divided into this number of parts, to compare repeated recordings.
+# The mean of each part is compared with the means of the same part in the other recordings.
 BLOCKS = 4
 
 SAME_RECORDINGS = (

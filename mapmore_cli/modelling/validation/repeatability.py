@@ -14,8 +14,8 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, root_mean_squa
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import SWING, bin_means, cycle_starts, turning_points
 
-# Number of bins over the range of a curve. The samples of a branch in one bin are replaced by their
-# mean, so that a rest at one place has no more weight than a movement past this place.
+# The range of a curve is divided into this number of bins, and samples are averaged in each bin.
+# A long rest at one place then has no more weight than a movement past this place.
 BINS = 200
 
 
@@ -151,8 +151,8 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
-# A held-out cycle has the same course in time as the last training cycle if the root mean square
-# difference between their values of the driven input is at most this fraction of the range.
+# Let d be the root mean square difference of the driven input between two cycles.
+# Both cycles have the same course in time if d is at most this fraction of the range of the input.
 SAME_COURSE = 0.05
 
 

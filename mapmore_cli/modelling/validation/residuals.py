@@ -35,8 +35,8 @@ from mapmore_cli.modelling.validation.intervals import NORMAL
 from mapmore_cli.modelling.validation.metrics import judged
 
 LAGS = 25  # longest lag in samples; in short records, a shorter one is used
-# The range of an input is divided into this number of parts with equal numbers of samples, and the
-# mean residual is tested in each part.
+# The mean residual is tested in this number of parts of the range of an input.
+# These parts have equal numbers of samples.
 PARTS = 10
 
 
@@ -206,8 +206,7 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
 TINY = float(np.finfo(np.float64).tiny)
 
 SAME = 1e-9  # two predictions with a smaller relative difference are treated as equal
-# A warning is given if a larger fraction of the held-out samples lies outside the training range,
-# because the scores then mainly test extrapolation.
+# A warning is given if a larger fraction of the held-out samples lies outside the training range.
 MOSTLY = 0.5
 
 ROWS = {"train": "training data", "validate": "held-out data"}
