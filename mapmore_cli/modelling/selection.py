@@ -19,9 +19,9 @@ from mapmore_cli.domain.declared import (
 )
 from mapmore_cli.modelling.frols.weighing import LOSSES
 
-# value of a setting, for example of the backbone, that mapmore chooses by cross-validation
+# A setting with this value, for example `backbone: auto`, is chosen by cross-validation.
 AUTO = "auto"
-# smallest ridge except zero; a smaller one is below the rounding errors of the Gram matrix
+# smallest possible ridge, except zero; smaller values are rounding errors of the Gram matrix
 LEAST_RIDGE = 1e-9
 # default ratio of the number of terms before pruning to the number after pruning
 FORWARD = 3

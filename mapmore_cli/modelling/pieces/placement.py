@@ -17,7 +17,7 @@ from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# The output at the anchor is computed from this fraction of the samples, those nearest to it.
+# The output at the anchor is computed from this fraction of all samples, the nearest ones.
 END_FRACTION = 0.05
 FEWEST = 3  # smallest number of samples from which the output at the anchor is computed
 # Up to this number v of inputs, all `2^v` corners of their ranges are tried as the anchor.

@@ -143,7 +143,7 @@ def best_placement(
         left = sum(getattr(choice.selection, missed) for choice in choices)
         if best is None or left < least * (1 - TIE_TOLERANCE):
             least, best = left, (texts, scalings, choices)
-    assert best is not None  # there is at least one placement
+    assert best is not None  # there is at least one possible scaling
     return best
 
 

@@ -31,7 +31,7 @@ from mapmore_cli.modelling.shape.stencils import asked_of
 from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
-# step of a coefficient for numerical derivatives (see `Exchange`)
+# change of a coefficient in a difference quotient (see `step` of the class `Exchange`)
 STEPS = {"linear": 1.0, "pchip": 1e-4}
 
 

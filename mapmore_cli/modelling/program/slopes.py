@@ -27,7 +27,7 @@ from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.program.writing import pruned, pruned_block
 
 Slopes = tuple[Expression, ...]  # derivatives of one value with respect to each variable
-FUNCTION = "{}_slopes"  # name of a function with derivatives, made from its name without them
+FUNCTION = "{}_slopes"  # name of the function that returns the value of `{}` and its derivatives
 
 
 def with_slopes(model: Program) -> Program:

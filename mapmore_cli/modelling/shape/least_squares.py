@@ -52,7 +52,7 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     H = solve_triangular(R, D.T, trans="T").T
     length = np.linalg.norm(H, axis=1)
     H, h = H / length[:, None], (d - H @ f) / length
-    # smallest possible distance of the solution from the origin, used as the unit of length
+    # lower bound of the distance of the solution from the origin, used as the unit of length
     reach = float(h.max(initial=0.0))
     if reach <= 0.0:
         return Constrained(solve_triangular(R, f), np.zeros(len(D)))

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 # number of nodes of the grid on which differences of the training output are computed
 COMPARED = 4096
-# smallest and largest number of places along one input
+# smallest and largest number of places of the grid along one input
 LEAST_ALONG = 24
 MOST_ALONG = 1000
 FEWEST = 10  # smallest number of differences that can support a sign
@@ -136,8 +136,7 @@ def _ranges_of(
 
 
 def _axes(region: Region, level: str | None) -> dict[str, Array]:
-    """Return, for each input, the places of the grid at which the training output is interpolated.
-    """
+    """Return the grid on which the training output is interpolated: its places along each input."""
     most = np.clip(round(COMPARED ** (1 / len(region.names))), LEAST_ALONG, MOST_ALONG)
     axes = dict(region.fixed)
     for name, x in zip(region.names, region.places.T, strict=True):

@@ -76,8 +76,8 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
 
 # a signal has settled when it stays within this fraction of its range around its final value
 BAND = 0.05
-RISEN = 0.9  # the pressure has risen when it has reached this fraction of its range
-NOISE_SPANS = 20  # a range below this multiple of the noise is no rise
+RISEN = 0.9  # a rise of the pressure ends when it has reached this fraction of its range
+NOISE_SPANS = 20  # the pressure has risen only if its range is at least this multiple of the noise
 # shortest plateau as a fraction of the rise time, so that the top of a triangle is no plateau
 SHORTEST = 0.5
 
@@ -99,7 +99,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     low, high_end = extremes(pressure)
     upper = pressure > (low + high_end) / 2
     noise = float(np.median(np.abs(np.diff(pressure)))) if len(pressure) > 1 else 0.0
-    # medians, because the pressure overshoots after its rise, and even more after its fall
+    # Medians are used, because the pressure overshoots after its rise, and even more after its fall.
     base = float(np.median(pressure[~upper]))
     span = float(np.median(pressure[upper])) - base if upper.any() else 0.0
     if span <= NOISE_SPANS * noise or span == 0.0:

@@ -108,7 +108,7 @@ def find_shift(
     if not peaks:
         return None
     best = max(peaks, key=lambda peak: peak.sigmas)
-    # a jump may lie anywhere between two samples, so half a time step is added
+    # a jump may lie anywhere between two samples, so half a time step is added to the half width
     half_width = math.hypot(best.half_width, 0.5 * sum(steps))
     return replace(best, half_width=half_width, step=max(steps))
 
@@ -233,7 +233,7 @@ def _half_width(u: Array, v: Array, lag: int) -> float:
     steepness = float(np.diff(first) @ np.diff(second))
     if steepness <= 0:
         return math.inf
-    size = next_fast_len(2 * n, real=True)  # padded, so that the sums are not circular
+    size = next_fast_len(2 * n, real=True)  # zeros are added, so that the sums are not circular
     slope, rest = rfft(np.gradient(first + second) / 2, size), rfft(first - second, size)
     products = np.abs(slope * rest) ** 2
     total = float(np.sum(products))

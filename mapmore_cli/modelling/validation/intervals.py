@@ -64,7 +64,7 @@ from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.validation.offsets import NEIGHBOURS, offsets_of
 
-INTERVAL = 0.95  # level of the intervals in score tables and figures
+INTERVAL = 0.95  # probability of the intervals in score tables and figures
 # probabilities of the quantiles of the absolute residuals that are stored for each left-out part
 SHARES = np.linspace(0.0, 1.0, 101)
 
@@ -78,7 +78,7 @@ five.
 LEAST = 1e-3
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
-# A sample is treated as at a level if it is nearer to it than this fraction of the gap of levels.
+# A sample is treated as at a level if their distance is below this fraction of the gap of levels.
 AT_LEVEL = 0.02
 
 MANY = 7  # smallest number of levels for which the rule for few levels is not needed

@@ -110,7 +110,7 @@ HELD = 1 << 20
 they are read again, block by block, for each statistic.
 """
 
-# name of each split, and True if its samples are held out
+# name of each split, and whether its samples are held out
 SPLITS = (
     ("train", False),
     ("validate", True),
