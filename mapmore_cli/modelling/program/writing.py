@@ -228,7 +228,7 @@ def pruned(model: Program) -> Program:
     asked = names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
     body, used = pruned_block(model.body, asked)
     functions = list[Function]()
-    for function in reversed(model.functions):  # a function calls only functions that were written before it
+    for function in reversed(model.functions):  # functions only call earlier functions
         if function.name in used:
             kept, names = pruned_block(function.body)
             functions.append(replace(function, body=kept))

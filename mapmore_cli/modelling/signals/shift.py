@@ -31,7 +31,7 @@ RATIO = 1.15  # smallest ratio of the best peak to the second best peak
 # The limit is high because noise has a high peak too, if it is the highest of thousands of lags.
 SIGMAS = 7.0
 MOST = 2_000_000  # largest number of grid points of the longer record
-FEWEST = 8  # smallest number of samples of a record
+FEWEST = 8  # smallest number of samples of a record whose shift is estimated
 
 
 @dataclass(frozen=True)
