@@ -40,9 +40,9 @@ Computed = Formula | Memory | Pieces
 class Rival:
     """A competitor with its forecasts of every curve.
 
-    `formulas` holds the fits of its formulas by their names in tables. If the competitor is another
-    run, `own_fit` is the fit of that run, and `run` is its folder. `model` is None for a competitor
-    that is no `Model`, for example a black box.
+    `formulas` holds the fit of each of its formulas; the keys are the names of the formulas in
+    tables. If the competitor is another run, `own_fit` is the fit of that run, and `run` is its
+    folder. `model` is None for a competitor that is no `Model`, for example a black box.
     """
 
     name: str

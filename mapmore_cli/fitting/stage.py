@@ -36,13 +36,13 @@ class Need:
 class Workspace:
     """Folders, files and messages with which a stage works.
 
-    `run_dir` holds the committed outputs of the earlier stages. A stage writes its own outputs into
+    `run_dir` holds the outputs of all stages that are finished. A stage writes its own outputs into
     the folder `out` under their final names, and the runner then moves all of them into place
     together. `spec_dir` is the folder of the spec; paths of recordings are relative to it. `needed`
     holds the folders of the runs that the stage needs, by their path in the spec or the name of a
     variation. `spec_text` is the spec with its defaults, as the report shows it; `searched` is True
-    if its structure was found by a search. `tables` holds recordings in memory, by their names in
-    `data.files`.
+    if the structure of the model was found by a search. `tables` holds recordings in memory, by
+    their names in `data.files`.
     """
 
     run_dir: Path

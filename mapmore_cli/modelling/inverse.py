@@ -1,11 +1,12 @@
 """Find every value of an input within its training range at which the model gives a wanted output,
 for example the pressure for a force at a given strain.
 
-There may be no solution, one solution, or several, because the output is not monotone in the input
-everywhere (for measured muscles, on up to a tenth of the grid). The solutions can also fill a whole
-range: a slack muscle gives the same force at every pressure. The output is monotone between knots
-(levels, boundaries, limits) and the places at which the slope changes its sign. Each monotone part
-contains at most one solution, which bisection finds.
+There may be no solution, one solution, or several, because the output is not always a monotone
+function of the input. For models of measured muscles, this was found at up to a tenth of the
+examined places. The solutions can also fill a whole range: a slack muscle gives the same force at
+every pressure. The output is monotone between knots (levels, boundaries, limits) and the places at
+which the slope changes its sign. Each monotone part contains at most one solution, which bisection
+finds.
 """
 
 from __future__ import annotations
@@ -307,8 +308,9 @@ class _Line:
 def may_turn_twice(
     left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array
 ) -> BoolArray:
-    """Return True for each part, (m,), in which the output may turn twice and reach zero between
-    the turns. This is decided from the values and slopes at both ends of the part.
+    """Return True for each part, (m,), in which the slope may change its sign twice, so that the
+    output may reach zero in between. This is decided from the values and slopes at both ends of the
+    part.
 
     A cubic is monotone if its slopes at both ends are at most three times the slope of the secant
     (Fritsch and Carlson 1980). Within the part, the cubic differs from its value at an end by less

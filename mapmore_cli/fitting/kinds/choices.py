@@ -52,7 +52,7 @@ class ModelChoices:
     @property
     def over_time(self) -> bool:
         """Return True if the model is computed along whole recordings, because its output depends
-        on the past.
+        on earlier samples.
         """
         return self.kind in ("memory", "state_space")
 

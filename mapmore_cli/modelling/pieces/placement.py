@@ -96,8 +96,8 @@ def span(width: ArrayLike) -> Array:
 
 
 def end_of_trend(away: Array, y: Array, weights: Array) -> float:
-    """Return the output at the anchor. This is the mean of `y`, (n,), over the 5 % of the samples
-    that are nearest to the anchor, without their noise. `away`, (v, n), holds the distances of the
+    """Return the output at the anchor, averaged over the 5 % of the samples that are nearest to the
+    anchor. `y`, (n,), is the output of the samples. `away`, (v, n), holds the distances of the
     samples from the anchor in scaled coordinates.
 
     If the 5 % are three or more samples with equal weights, the mean of their measured values is

@@ -234,8 +234,8 @@ def _confirmed(region: Region, asked: ShapeWord, cells: IntArray) -> bool:
 
 
 def _near(region: Region) -> IntArray:
-    """Return, for each cell, the indices of the cells nearest to it, (c, near); the first is the
-    cell itself.
+    """Return, for each of the c cells, the indices of the cells nearest to it, shape (c, k). The
+    first of them is the cell itself.
     """
     from scipy.spatial import KDTree
 
@@ -248,10 +248,12 @@ def _near(region: Region) -> IntArray:
 def _noise(region: Region, near: IntArray) -> Array:
     """Return the standard deviation of the noise in the value of each cell, (c,).
 
-    A plane is fitted to the `near` cells around a cell. The value of the cell minus the plane has
-    the variance `s^2 (1/n + sum w_i^2/n_i)`, with the weights w of the plane and the numbers n of
-    samples. `s^2` is the mean over all cells, or the mean over the cells around a cell if that is
-    larger (residuals of neighbours: Gasser, Sroka and Jennen-Steinmetz 1986).
+    A plane is fitted to the nearest cells of a cell (`near`). Let s be the standard deviation of
+    one sample. The value of the cell minus the plane has the variance `s^2 (1/n + sum w_i^2/n_i)`,
+    with the number n of samples in the cell, the numbers n_i in the nearest cells, and their
+    weights w_i in the plane. `s^2` is estimated as the mean over all cells, or as the mean over the
+    cells around a cell if that is larger (residuals of neighbours: Gasser, Sroka and
+    Jennen-Steinmetz 1986).
     """
     c, d = region.places.shape
     if c < d + ABOUT:

@@ -83,9 +83,9 @@ def violations(
 
 
 def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list[Violation]:
-    """Return the violations of the shape of the model, which the spec requires. For a model without
-    a shape, return the violations of the shape that is known for this kind of muscle; the result is
-    empty if such a model has memory.
+    """Return the violations of the shape that the spec required for the model. If it required no
+    shape, return the violations of the shape that is known for this kind of muscle. For a model
+    with memory, this shape is not tested.
     """
     words = (
         IMPLIED.get(model.output.name, {}) if kind in KINDS and not runs_over_time(model) else {}

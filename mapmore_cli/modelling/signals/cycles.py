@@ -123,8 +123,8 @@ def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[
 
 
 def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
-    """Return the row numbers of each movement between two turning points, grouped by direction (1
-    rising, -1 falling). Rests at the ends of a movement are left out.
+    """Return the rows of each movement between two turning points, grouped by direction (1 rising,
+    -1 falling). Rests at the ends of a movement are left out.
     """
     runs: dict[int, list[IntArray]] = {1: [], -1: []}
     if not len(over):

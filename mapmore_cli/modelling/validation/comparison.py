@@ -277,9 +277,9 @@ def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
 
 
 def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
-    """Return the terms of all segments that occur in both models, with their coefficients `y_slope
-    theta` in both models. A term may occur in only one of the models. The result is empty if a
-    model has no segments.
+    """Compare the coefficients of both models. For each segment that both models have, return every
+    term with its coefficients `y_slope theta` in both models. A term may occur in only one of them.
+    The result is empty if a model has no segments.
 
     The scaling of a segment depends on the range of its data. Therefore, a coefficient also changes
     if the ends of its segment change.

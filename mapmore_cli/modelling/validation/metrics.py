@@ -38,8 +38,8 @@ with an arbitrary zero.
 
 
 def normaliser(kind: str, ends: tuple[float, float], quantity: str, split: str) -> Normaliser:
-    """Return the normaliser of one `kind` in `NORMALISERS`. It is computed from the smallest and
-    the largest sample of a split.
+    """Return the number by which errors are divided. `kind` is a key of `NORMALISERS`, and `ends`
+    are the smallest and the largest measured value of a split.
     """
     name, size = NORMALISERS[kind]
     return Normaliser(name.format(quantity, split), size(*ends), ends[1] - ends[0])
@@ -71,7 +71,8 @@ def judged(dataset: Dataset) -> list[BoolArray]:
 
 
 def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[ErrorBand, ...]:
-    """Return the RMSE of every model in each band, over the `judged` samples.
+    """Return the RMSE of every model in each band of the measured value, over the samples by which
+    models are judged (`judged`).
 
     `predictions` holds, for each model, the predictions of every curve of the dataset. A band
     without samples is left out.
@@ -118,8 +119,8 @@ SPLITS = (
 
 
 def divisor(dataset: Dataset, kind: str) -> Normaliser:
-    """Return the normaliser of all errors of a study. It is computed from the held-out rows, as in
-    the papers, or from the training rows if no rows are held out.
+    """Return the number by which all errors of a study are divided. It is computed from the
+    held-out rows, as in the papers. If no rows are held out, it is computed from the training rows.
     """
     held_out = any(curve.held_out.any() for curve in dataset.curves)
     masks = [curve.held_out == held_out for curve in dataset.curves]

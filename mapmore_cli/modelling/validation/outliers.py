@@ -20,9 +20,9 @@ MOST = 500  # largest number of outliers that are listed
 
 
 def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple[Outlier, ...]:
-    """Return the training samples that lie more than `FAR` scales from the prediction of a model.
-    At most `MOST` samples are returned, the farthest first. A model with memory predicts one step
-    ahead.
+    """Return the training samples whose residuals are larger than `FAR` times the scale of the
+    residuals. At most `MOST` samples are returned, the farthest first. A model with memory predicts
+    one step ahead.
 
     Because a model with memory uses measured outputs, it may also be wrong at the sample after an
     outlier. Residuals are divided by their uncertainty if it is known. The scale is the number

@@ -101,10 +101,11 @@ def _branches(
 
 
 def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
-    """Return the mean of the branches of all other logs at each sample of `branches`, (n,).
+    """Return, for each sample of `branches`, the mean of all branches that belong to other logs,
+    (n,). It is evaluated at the value `x` of the varying input at this sample.
 
-    The sum of all branches is computed once, and the branches of the log of the sample are
-    subtracted. The time for one log therefore does not grow with the number of logs.
+    The sum of all branches is computed once, and the branches of the own log are subtracted. The
+    time for one log therefore does not grow with the number of logs.
     """
     means = np.full(len(x), np.nan)
     kinds: dict[tuple[bool | float, ...], dict[str, list[_Branch]]] = {}
