@@ -76,8 +76,8 @@ class GroupEffects:
 def without_effects(
     curves: Sequence[Curve], grouping: Grouping
 ) -> tuple[tuple[Curve, ...], GroupEffects]:
-    """Estimate the effects of groups on the training samples, and remove them from the curves. Return
-    the curves and the effects. Raises the same errors as `group_effects`.
+    """Estimate the effects of groups on the training samples, and remove them from the curves.
+    Return the curves and the effects. Raises the same errors as `group_effects`.
     """
     effects = group_effects(curves, grouping)
     return tuple(effects.removed_from(curve, grouping.target) for curve in curves), effects

@@ -1,6 +1,4 @@
-"""Fit models again with parts of the training data left out, and return their errors at these
-parts.
-"""
+"""Fit models again without a part of the training data, and predict this part."""
 
 from __future__ import annotations
 

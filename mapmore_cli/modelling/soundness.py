@@ -40,7 +40,7 @@ def unsound(model: Model) -> str | None:
 
 
 def _try(model: Model) -> None:
-    """Apply all operations that the commands use to a model. Errors that the commands report to
+    """Apply to a model every operation that a command may use. Errors that the commands report to
     users are accepted.
     """
     asked = (*model.inputs, model.output)

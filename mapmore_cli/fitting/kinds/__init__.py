@@ -1,7 +1,6 @@
-"""Make models from sections of the spec: one file with a `Maker` for each kind of model.
-
-The stages call `fit` and `build` separately and store the results in between; `refit` calls both.
-The functions here read and write no files.
+"""Make models from sections of the spec. Each kind of model has a file with a `Maker`, which fits
+and builds models of this kind. The stages call `fit` and `build` separately and store the results
+in between; `refit` calls both. The functions here read and write no files.
 """
 
 from __future__ import annotations

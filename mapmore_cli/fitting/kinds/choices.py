@@ -44,7 +44,10 @@ class ModelChoices:
 
     @property
     def kind(self) -> str:
-        """Name of the kind of model. It is `model.type`, or it follows from other settings."""
+        """Name of the kind of model. For the default `model.type: mapmore`, it is `memory` if the
+        dictionary contains terms with memory, and otherwise `pieces`. For `literature`, it is
+        `formula`. For any other type, it is the type itself.
+        """
         if self.model.type == "mapmore":
             return "memory" if remembers(self.dictionary) else "pieces"
         return "formula" if self.model.type == "literature" else self.model.type

@@ -77,8 +77,8 @@ class MemoryMaker(Maker):
         """Fit one model to all recordings, or to the residual of the backbone if there is a
         backbone, and return the fit.
 
-        Raises DataError if recordings have different time steps, or if too few samples have enough
-        earlier samples; FitError if the fit of the backbone failed.
+        Raises DataError if recordings have different time steps, or if too few samples have as many
+        earlier samples as the terms need; FitError if the fit of the backbone failed.
         """
         dataset = given.dataset
         backbone = (

@@ -280,10 +280,10 @@ def _reached(
     range of the segment's samples, extended by z_s times the width of this range.
 
     The limits are needed because a transition zone covers the fraction z_s of the widths of *both*
-    segments (M2 eq 10 and 11). Beside a wide segment, the function of a narrow segment would be
-    evaluated several times its own width away from its samples, where a polynomial takes extreme
-    values. Limits that no transition zone reaches are left out. At the outer ends of a curve,
-    `extrapolation` applies instead.
+    segments (M2 eq 10 and 11). Without limits, the function of a narrow segment beside a wide
+    segment would be evaluated far outside its samples, at a distance of several times its own
+    width. A polynomial takes extreme values there. Limits that no transition zone reaches are left
+    out. At the outer ends of a curve, `extrapolation` applies instead.
     """
     held = {}
     for name, (below, above) in held_between(segment, curve, body).items():

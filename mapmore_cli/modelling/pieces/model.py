@@ -155,8 +155,7 @@ class PiecesVerbs(Verbs):
         )
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Yield a sentence for each fault of a stored model that would not show in its predictions.
-        """
+        """Yield a sentence for each fault of a stored model that its predictions would not show."""
         levels = np.array([curve.level for curve in model.body_of(Pieces).curves], dtype=np.float64)
         if model.level is not None and not (
             np.isfinite(levels).all() and (np.diff(levels) > 0).all()

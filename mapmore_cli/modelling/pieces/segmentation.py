@@ -162,8 +162,8 @@ def cut_points(
     """Return the segment boundaries `seg_i` of one variable over the range of the training samples,
     including both ends, shape (count + 1,).
 
-    Breakpoints outside the range of the curve are left out. For example, a curve at a low pressure
-    ends at a smaller strain than the others.
+    Breakpoints outside the range of the curve are left out. This happens, for example, for a curve
+    at a low pressure, which ends at a smaller strain than the others.
     """
     if isinstance(cut, CutByDirection):
         return np.array([-1.0, 0.0, 1.0])
@@ -199,7 +199,7 @@ def joined_segments(boundaries: Array, x: Array, least: int, training: BoolArray
 
     The segment with the fewest samples is joined with the neighbour that has fewer samples, or with
     the left neighbour if both have the same number. This is repeated until every segment has enough
-    samples. It is needed because parts of a curve may have few samples.
+    samples. Segments must be joined because some parts of a curve may have few samples.
     """
     kept = boundaries.tolist()
     while len(kept) > 2:

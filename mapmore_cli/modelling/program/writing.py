@@ -46,7 +46,8 @@ Inputs = Mapping[str, Expression]
 
 
 class Writer:
-    """Writer of a program. A new statement is added to the innermost branch that is open.
+    """Writer of a program. A new statement is added to the branch or function that is being
+    written.
 
     - `kept`: what the model keeps from sample to sample.
     - `functions`: functions by name, in the order in which they are written.
@@ -100,7 +101,7 @@ class Writer:
         self, x: Operand, low: Operand | None, high: Operand | None, stem: str = "clipped"
     ) -> Expression:
         """Write statements that limit x to the interval from `low` to `high`, and return the
-        result. An end that is None is no limit.
+        result. If `low` or `high` is None, x is not limited on this side.
         """
         held = self.let(stem, x)
         ends = [

@@ -161,8 +161,8 @@ def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array
 
 
 def needed_signals(signals: Sequence[Signal], inputs: Sequence[str]) -> tuple[Signal, ...]:
-    """Return the signals that are needed to compute the inputs. If a signal is computed from
-    another signal, it stands after that signal.
+    """Return the signals that are needed to compute the inputs. A signal that is computed from
+    another signal comes after it in the result.
     """
     wanted = set(inputs)
     kept: list[Signal] = []

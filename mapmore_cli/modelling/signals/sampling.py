@@ -228,7 +228,8 @@ def longest_ascent(time: Array) -> BoolArray:
     """Return a mask, (n,), of the longest subsequence of stamps that never decreases. As few stamps
     as possible are left out.
 
-    Patience sorting, O(n log n): M. L. Fredman, Discrete Math. 11 (1975) 29.
+    The algorithm is patience sorting, which needs O(n log n) operations (M. L. Fredman, Discrete
+    Math. 11 (1975) 29).
     """
     ends: list[float] = []  # for each length of a subsequence, its smallest possible last stamp
     at: list[int] = []
@@ -247,7 +248,7 @@ def longest_ascent(time: Array) -> BoolArray:
 def envelope(y: Array, limit: int, less: Array | None = None) -> IntArray:
     """Return the row numbers of at most `limit` samples with which a figure shows a long curve.
     They are the lowest and the highest sample in each of `limit // 2` consecutive parts. With
-    `less`, they are the extremes of `y - less`.
+    `less`, the lowest and the highest values of `y - less` are used.
 
     If there are at most `limit` rows, all rows are returned.
     """

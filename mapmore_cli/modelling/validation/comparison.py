@@ -164,7 +164,7 @@ class Comparison:
 
 
 def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
-    """Compare two models on the curves with which both were trained.
+    """Compare two models on the curves that they have in common.
 
     Raises ValueError if the models have different quantities, or fewer than two curves in common;
     the message says which.

@@ -163,7 +163,7 @@ def with_levels(
 
 def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
     """Return the standard deviation between recordings of one level, from the training residuals of
-    each recording of each level; NaN without repeats.
+    each recording of each level; NaN if no level has several recordings.
 
     A recording is represented by the means of `BLOCKS` parts, so that not only offsets between
     recordings but also different slopes are found. The contribution of the noise of the samples is
@@ -321,8 +321,8 @@ def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
 def intervals_of(model: Model, level: float) -> LeftOut:
     """Return the summary of left-out errors from which the intervals of a model are computed.
 
-    Raises UsageError for a level that is not between 0 and 1; DataError for a model without
-    left-out residuals.
+    Raises UsageError if the probability `level` is not between 0 and 1; DataError for a model
+    without left-out residuals.
     """
     if not 0 < level < 1:
         raise UsageError(

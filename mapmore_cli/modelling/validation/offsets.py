@@ -79,8 +79,8 @@ class Offsets:
 
 
 def offsets_of(left_out: LeftOut) -> Offsets | None:
-    """Return the variances between samples and between curves; None if the data do not determine
-    them.
+    """Compute the variances between samples and between curves of one level, and return them with
+    the errors of left-out levels. Return None if the data do not determine the variances.
     """
     n = np.array(left_out.repeats)
     count = len(left_out.places)
