@@ -87,7 +87,7 @@ def equation(
         known = {s: evaluate(rounded(line, digits), at, len(u)) for s, line in where.items()}
         return evaluate(rounded(whole, digits), {**at, **known}, len(u))
 
-    with np.errstate(all="ignore"):  # a term may be undefined in a part of the ranges
+    with np.errstate(all="ignore"):  # no warnings, because a term may be undefined somewhere
         known = {**at, **{short: evaluate(line, at, len(u)) for short, line in where.items()}}
         terms_of_sum = whole.terms if isinstance(whole, Sum) else (whole,)
         whole = add(*(_balanced(term, known, len(u)) for term in terms_of_sum))

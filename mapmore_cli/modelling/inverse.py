@@ -52,7 +52,7 @@ CHUNK = 500  # number of rows that are computed at once
 BISECTIONS = 50  # number of bisections; more would not reduce the error because of rounding
 SAME = 1e-9  # a difference of outputs below this fraction of their range is treated as zero
 # At a solution, the output differs from the wanted output by at most this fraction of it.
-# If the difference is larger, bisection has found a jump of the output instead of a solution.
+# If the output differs more from the wanted output, bisection has found a jump, not a solution.
 REACHED = 1e-6
 
 

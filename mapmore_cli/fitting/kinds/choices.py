@@ -27,7 +27,8 @@ class ModelChoices:
 
     - `lengths`: dimensions of the muscle (m) that its formula needs.
     - `summands`: specs of the runs whose models are added.
-    - `intervals`: True if models are also fitted without each part of the training data.
+    - `intervals`: True if the model is also fitted with each part of the training data left out in
+      turn.
     """
 
     levels: Levels | None

@@ -176,8 +176,8 @@ def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
 
 
 def blocks_in(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    """Return folds that consist of the blocks of each curve along the segmented variable, in
-    ascending order.
+    """Return one fold for each of the `BLOCKS` blocks, in ascending order. The fold leaves out this
+    block of every curve. Blocks are contiguous parts of a curve along the segmented variable.
     """
     along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)
     every = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]

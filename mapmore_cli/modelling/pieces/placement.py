@@ -21,7 +21,7 @@ from mapmore_cli.modelling.signals.sampling import even_share
 END_FRACTION = 0.05
 FEWEST = 3  # smallest number of samples from which the output at the anchor is computed
 # Up to this number v of inputs, all `2^v` corners of their ranges are tried as the anchor.
-# With more inputs, two corners are tried: the left ends and the right ends of all inputs.
+# With more than 3 inputs, two corners are tried: the left ends and the right ends of all inputs.
 EVERY_CORNER_UP_TO = 3
 # In the fit of the parabola, singular values below this fraction of the largest are set to zero.
 FLAT = 1e-3

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 CELLS = 4096
 # largest number of evenly spaced nodes of a grid along one input
 MOST = 400
-# distance of extra nodes from a knot, as a fraction of the range
+# distance of the additional nodes beside a knot, as a fraction of the range of the input
 BESIDE = 1e-6
 
 

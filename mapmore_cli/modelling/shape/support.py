@@ -40,7 +40,7 @@ MOST_ALONG = 1000
 FEWEST = 10  # smallest number of differences that can support a sign
 # If at most this fraction of the differences has the wrong sign, the data are accepted at once.
 CONTRADICTED = 0.05
-# a fall by less than this fraction of the range of the output is a rounding error
+# a difference below this fraction of the range of the output is treated as a rounding error
 ROUNDING = 1e-9
 LEVEL = 0.01
 """Significance level: probability that the noise of a constant output is mistaken for a

@@ -69,7 +69,7 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     order = np.argsort(levels, kind="stable")
     middles = (levels[order][1:] + levels[order][:-1]) / 2
     nearest = order[np.searchsorted(middles, values, side="left")]
-    # tolerance for the rounding error of a value at exactly the distance `within`
+    # a tolerance is added, because a value at exactly the distance `within` has a rounding error
     reach = within * (1 + 1e-9) + 1e-12 * np.abs(values)
     return np.where(np.abs(values - levels[nearest]) <= reach, nearest, -1)
 

@@ -17,10 +17,9 @@ from mapmore_cli.modelling.ranges import limits
 # If one input varies within a curve, `GRID` is the number of points along this input.
 # If several inputs vary, `COARSE_GRID` is the number of points along each of them.
 GRID, COARSE_GRID = 41, 11
-# Let d be the smallest distance between two levels of the same model.
-# Levels of two different models are treated as equal if their distance is below this fraction of d.
+# two levels are treated as equal up to this fraction of the smallest distance between levels
 SAME_LEVEL = 0.05
-FEWEST_CURVES = 2  # smallest number of curves for a comparison
+FEWEST_CURVES = 2  # smallest number of common curves with which two models are compared
 
 
 class CurvePlace(NamedTuple):

@@ -151,7 +151,7 @@ class Comparison:
         if self.same_recordings:
             return OF_SETTINGS
         low, high = self.narrow
-        # an uncertain interpolation between levels may hide a change
+        # a change may be hidden if the interpolation between levels is uncertain
         sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)
         return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 

@@ -104,8 +104,8 @@ def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
     """Return, for each sample of `branches`, the mean of all branches that belong to other logs,
     (n,). It is evaluated at the value `x` of the varying input at this sample.
 
-    The sum of all branches is computed once, and the branches of the own log are subtracted. The
-    time for one log therefore does not grow with the number of logs.
+    The sum of all branches is computed once, and the branches that belong to the same log as the
+    sample are subtracted. The time for one log therefore does not grow with the number of logs.
     """
     means = np.full(len(x), np.nan)
     kinds: dict[tuple[bool | float, ...], dict[str, list[_Branch]]] = {}
@@ -152,8 +152,8 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
-# Let d be the root mean square difference of the driven input between two cycles.
-# Both cycles have the same course in time if d is at most this fraction of the range of the input.
+# Two cycles have the same course in time if their driven inputs differ little at equal times:
+# the root mean square difference is at most this fraction of the range of the input.
 SAME_COURSE = 0.05
 
 
