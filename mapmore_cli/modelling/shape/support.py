@@ -52,8 +52,7 @@ RUNS = 199  # number of simulations of a constant output with noise
 UNLIKELY = 2.0
 # A slope with the wrong sign confirms a contradiction if it exceeds this many standard errors.
 CONFIRMED = 3.0
-# Means over several numbers of neighbouring places are compared.
-# For each of these numbers, at most this many contradictions are tested with a fitted surface.
+# For means over n places, at most this number of contradictions are tested with a fitted surface.
 TRIED = 32
 ABOUT = 3  # for d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell
 LOCAL = 12  # the noise of a cell is the mean over at least this many cells around it

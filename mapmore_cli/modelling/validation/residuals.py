@@ -36,7 +36,6 @@ from mapmore_cli.modelling.validation.metrics import judged
 
 LAGS = 25  # longest lag in samples; in short records, a shorter one is used
 # The mean residual is tested in this number of parts of the range of an input.
-# These parts have equal numbers of samples.
 PARTS = 10
 
 
