@@ -1,3 +1,3 @@
-"""Fit models and competitors, and make the folds of cross-validations, from the sections of a
-spec.
+"""Fit the models and competitors of a study with the settings of its spec, and divide its data into
+the folds of a cross-validation.
 """

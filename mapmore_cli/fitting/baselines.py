@@ -25,11 +25,11 @@ DELAYS = (0, 1, 2, 4, 8, 16, 32)
 
 
 def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
-    """Fit the baseline to the training samples, and predict every sample of every curve, (n_c,)
-    each.
+    """Fit the black box to the training samples, and return its predictions for every sample of
+    every curve, (n_c,) each.
 
     - `name`: one of `LEARNERS`.
-    - `model`: the run's own model, which gives the names of the inputs.
+    - `model`: the run's own model. The black box gets the same inputs.
     """
     names = [name for name in model.input_names if name != dataset.target]
     delays = DELAYS if runs_over_time(model) else (0,)
@@ -46,8 +46,8 @@ def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
 
 
 def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
-    """Fit a baseline to inputs, (n, features), and outputs, (n,); return a function that predicts
-    (m,) from (m, features).
+    """Fit a black box to inputs, (n, features), and outputs, (n,). Return a function that takes
+    inputs, (m, features), and returns predictions, (m,).
     """
     centre, width = x.mean(axis=0), _width(x)
     middle, height = float(y.mean()), float(_width(y))
@@ -60,8 +60,8 @@ def learned(name: str, x: Array, y: Array) -> Callable[[Array], Array]:
 
 
 def features(curve: Curve, names: Sequence[str], delays: Sequence[int]) -> Array:
-    """Return the inputs and the delayed inputs of every sample, (n, features). If a delay reaches
-    back beyond the beginning of the recording, the first sample of the recording is used.
+    """Return the inputs and the delayed inputs of every sample, (n, features). A delayed input that
+    would come from a time before the recording has the value of the first sample of the recording.
     """
     delayed = np.empty((curve.size, len(names) * len(delays)))
     for rows in curve.logs:
@@ -84,7 +84,7 @@ def _width(values: Array) -> Array:
 
 
 def _learner_says(learner: Any, inputs: Array) -> Array:
-    """Return the predictions of a fitted baseline, (n,); NaN if an input is NaN."""
+    """Return the predictions of a fitted black box, (n,); NaN if an input is NaN."""
     output = np.full(len(inputs), np.nan)
     known = np.isfinite(inputs).all(axis=1)
     if known.any():

@@ -40,9 +40,9 @@ Computed = Formula | Memory | Pieces
 class Rival:
     """A competitor with its forecasts of every curve.
 
-    `formulas` holds the fits of its formulas by their names in tables. If the competitor is another
-    run, `own_fit` is the fit of that run, and `run` is its folder. `model` is None for a competitor
-    that is no `Model`, for example a black box.
+    `formulas` holds the fit of each of its formulas; the keys are the names of the formulas in
+    tables. If the competitor is another run, `own_fit` is the fit of that run, and `run` is its
+    folder. `model` is None for a competitor that is no `Model`, for example a black box.
     """
 
     name: str
@@ -60,12 +60,13 @@ class Rival:
 
 @dataclass(frozen=True)
 class Contest:
-    """The data and the other runs with which a model and its competitors are compared. `model` is
-    the run's own model; `static_run` is the run of the static force in `needs`.
+    """The data and the other runs with which a model and its competitors are compared.
 
-    `lengths` are the muscle's `length` and `diameter` (m). Paths of frozen models are relative to
-    the folder `spec_dir`. In a cross-validation, `dataset` is one fold, and `refit` fits the model
-    of another run again to the training samples of this fold.
+    `model` is the run's own model. `needed` holds the folders of the other runs. `static_run` is
+    the folder of the run in `needs.static`, which models the static force. `lengths` holds the
+    `length` and the `diameter` of the muscle (m). Paths of frozen models are relative to the folder
+    `spec_dir`. In a cross-validation, `dataset` is one fold, and `refit` fits the model of another
+    run again to the training samples of this fold.
     """
 
     dataset: Dataset
@@ -114,11 +115,13 @@ class Contest:
         return Rival(label, _forecasts(_formula_says(fit, curves)), {label: fit}, model=fitted)
 
     def simple_beside(self, named: Collection[str]) -> tuple[str, ...]:
-        """Return the names of the simple competitors that suit the model, without those in `named`.
+        """Return the names of the simple competitors with which the model can be compared. Names in
+        `named` are left out.
 
-        A polynomial of the inputs suits if it has fewer coefficients than there are training
-        samples. The backbone alone suits if the model adds something to it. An ARX model suits if
-        the model runs over time.
+        A polynomial of the inputs is possible if it has fewer coefficients than there are training
+        samples. The backbone alone is a competitor if the model consists of the backbone and
+        further terms. An ARX model is a competitor if the model has memory, so that its output
+        depends on earlier samples.
         """
         samples = sum(int(curve.training.sum()) for curve in self.dataset.curves)
         inputs = len(self._inputs)
@@ -135,8 +138,9 @@ class Contest:
         return tuple(name for name in beside if name not in named)
 
     def _of_simple(self, name: str) -> tuple[Sequence[Array], Computed | None]:
-        """Return the predictions of a simple competitor for every curve, and the body of its model.
-        The predictions are NaN if it could not be fitted.
+        """Fit a simple competitor. Return its predictions for every curve, and the formula,
+        polynomial or ARX from which a `Model` can be made. If it cannot be fitted, the predictions
+        are NaN, and the second result is None.
         """
         curves = self.dataset.curves
         if name == "arx":
@@ -154,8 +158,8 @@ class Contest:
         return [np.full(curve.size, np.nan) for curve in curves], None
 
     def _as_model(self, name: str, body: Computed | None) -> Model | None:
-        """Return a model of the scored quantity that consists of `body` and the training ranges of
-        the inputs; None if `body` is None.
+        """Return a model of the scored quantity. It consists of `body` (a formula, a polynomial or
+        an ARX) and the training ranges of the inputs. If `body` is None, return None.
         """
         if body is None:
             return None
@@ -180,8 +184,9 @@ class Contest:
 
     @property
     def _inputs(self) -> list[str]:
-        """Inputs from which the scored quantity is predicted. If the model is inverted, the output
-        of the model is one of these inputs, instead of the scored quantity.
+        """Names of the quantities from which the scored quantity is predicted: the inputs of the
+        model. If the scored quantity is an input of the model, the model is inverted; the names are
+        then the output of the model and its other inputs.
         """
         return [
             q.name for q in (self.model.output, *self.model.inputs) if q.name != self.dataset.target
@@ -208,8 +213,8 @@ class Contest:
         return forecast_each(other, self.dataset.curves, target)
 
     def _sum(self, competitor: Competitor) -> Rival:
-        """Fit all formulas of a sum together to the training data. Each summand has a sign, and its
-        inputs may be renamed.
+        """Fit all formulas of a sum together to the training data. Each formula has the sign + or
+        -, and its inputs may have other names than the quantities of the study.
         """
         maker = maker_of("sum")
         assert isinstance(maker, FitsSums)
@@ -220,12 +225,13 @@ class Contest:
         return Rival(label, forecasts, {label: fit}, model=None if fit.failed else model)
 
     def _composite(self, competitor: Competitor) -> Rival:
-        """Return the sum of a static formula, fitted to the training data of the static run, and a
-        damping formula. The damping formula is fitted to the force of this study minus the static
-        formula.
+        """Return the sum of a static formula and a damping formula as a competitor.
 
-        If the study models the damping force, the sum is processed as the measured force was: the
-        static force is subtracted, and then the mean on the plateau.
+        The static formula is fitted to the training data of the static run (`needs.static`). The
+        damping formula is fitted to the force of this study minus the static formula. If this study
+        models the damping force, the sum is compared with the damping force. For this purpose, the
+        measured static force is subtracted from the sum, and then the mean on the plateau, as for
+        the measured force.
         """
         assert competitor.static is not None
         assert competitor.damping is not None
@@ -276,7 +282,7 @@ class Contest:
 
     @property
     def _static(self) -> RunFiles:
-        """Results of the static run in `needs`."""
+        """Files of the static run, which is named in `needs.static` of the spec."""
         if self.static_run is None:
             raise SpecError(
                 "validate.against: a competitor is fitted to the data of a static run, and this "
@@ -287,8 +293,8 @@ class Contest:
 
 
 def _at_levels(dataset: Dataset) -> list[Curve]:
-    """Return the curves, in which the level quantity has the nominal value of the level at all
-    samples.
+    """Return the curves. The measured values of the level quantity are replaced by the nominal
+    value of the level.
     """
     name = dataset.level
     return [

@@ -29,9 +29,12 @@ within a factor of 1.6 of the mean.
 
 @dataclass(frozen=True)
 class GroupEffects:
-    """Gains and offsets by the value of the quantity `of` that distinguishes groups; empty if they
-    were not requested. The offsets have mean zero, and so have the logarithms of the gains.
-    `unknown` holds the groups without training samples, whose gains and offsets cannot be known.
+    """Estimated gain and offset of each group. The keys of `gains` and `offsets` are the values of
+    the quantity `of`, which distinguishes the groups. Both mappings are empty if they were not
+    requested.
+
+    The offsets have mean zero, and so have the logarithms of the gains. `unknown` holds the groups
+    without training samples, whose gains and offsets cannot be estimated.
     """
 
     of: str
@@ -52,7 +55,7 @@ class GroupEffects:
         return replace(curve, columns={**curve.columns, target: values}, raw_target=raw)
 
     def describe(self, target: str, unit: str) -> Iterator[str]:
-        """Yield the gains and offsets in words, for the page."""
+        """Yield sentences with the gains and the offsets, for the page of the run."""
         unknown = ", ".join(f"{group:g}" for group in self.unknown)
         if self.gains:
             each = ", ".join(f"{group:g}: {gain:.4g}" for group, gain in self.gains.items())
@@ -73,16 +76,17 @@ class GroupEffects:
 def without_effects(
     curves: Sequence[Curve], grouping: Grouping
 ) -> tuple[tuple[Curve, ...], GroupEffects]:
-    """Return the curves without the effects of their groups, and these effects, which are estimated
-    on the training samples. Raises DataError as `group_effects` does.
+    """Estimate the effects of groups on the training samples, and remove them from the curves.
+    Return the curves and the effects. Raises the same errors as `group_effects`.
     """
     effects = group_effects(curves, grouping)
     return tuple(effects.removed_from(curve, grouping.target) for curve in curves), effects
 
 
 def regrouped(dataset: Dataset) -> Dataset:
-    """Return a fold of a cross-validation with the effects of groups estimated again, on the
-    training samples of the fold alone. Raises DataError as `group_effects` does.
+    """Estimate the effects of groups again for one fold of a cross-validation, from the training
+    samples of the fold alone. Return the fold without these effects. Raises the same errors as
+    `group_effects`.
     """
     if dataset.grouping is None:
         return dataset
@@ -98,14 +102,15 @@ def group_effects(curves: Sequence[Curve], groups: Grouping) -> GroupEffects:
     """Estimate the gain and the offset of each group on training samples: `y = gain_g p(x) + b_g`,
     with `sum_g b_g = 0` and `sum_g log gain_g = 0`.
 
-    `p` is a polynomial of order 3 of all quantities that vary within a group, without
-    `groups.outputs`: the hysteresis, for example, is computed from the force and changes with its
-    gain. This is an analysis of covariance: groups are compared at equal inputs, so that a group
-    that was measured at other strains does not get an offset for that reason.
+    `p` is a polynomial of order 3 of all quantities that vary within a group. The quantities in
+    `groups.outputs` are not used: the hysteresis, for example, is computed from the force, and is
+    therefore proportional to the gain of the force. This is an analysis of covariance: groups are
+    compared at equal inputs. If a group was measured at larger strains than the others, for
+    example, this difference is not mistaken for an offset.
 
     The logarithm of a gain has a normal prior with mean zero and standard deviation `SPREAD`. The
-    residuals are assumed to be as large as the residuals of a separate polynomial for each group.
-    So the gain of a group with few samples, or with small `p`, is near 1.
+    standard deviation of the noise is estimated from fits of a separate polynomial to each group.
+    Because of the prior, the gain of a group with few samples, or with small `p`, is near 1.
 
     Raises
     ------
@@ -152,9 +157,11 @@ def _require_apart(common: Array, coded: Array, of: str, names: Sequence[str]) -
 
 
 class _GroupFit:
-    """Least-squares problem of the groups. Each group is represented by the triangular factor of
-    its table, (n_g, k + 2), in `tables`. The columns of a table are the terms of the polynomial, a
-    column of ones, and the target.
+    """Least-squares problem for the gains and offsets of the groups.
+
+    Each group has a table of its n_g samples, (n_g, k + 2). The columns are the k terms of the
+    polynomial, a column of ones, and the target. Each table is replaced by the triangular factor R
+    of its QR decomposition, which has the same sums of squares but at most k + 2 rows.
     """
 
     def __init__(self, tables: Sequence[Array], coded: Array, offset: bool) -> None:
@@ -178,7 +185,9 @@ class _GroupFit:
         return solution, self.target - design @ solution
 
     def log_gains(self) -> Array:
-        """Return the logarithms of the gains with the largest posterior probability."""
+        """Return the logarithm of the gain of each group. These gains have the largest posterior
+        probability.
+        """
         # imported here because the import would cost every run without groups half a second
         from scipy.optimize import least_squares
 
@@ -192,7 +201,9 @@ class _GroupFit:
 
 
 def _training(curves: Sequence[Curve], groups: Grouping) -> tuple[Array, Array, dict[str, Array]]:
-    """Return groups, target and all inputs of training samples, (n,) each, evenly thinned."""
+    """Return the group, the target and all inputs of the training samples, (n,) each. If there are
+    many samples, an evenly spread part of them is returned.
+    """
     uncertainties = {uncertainty_of(name) for name in curves[0].columns}
     not_inputs = (uncertainties | {"time", *groups.outputs}) - {groups.target}
     columns = {

@@ -58,7 +58,7 @@ def choices_by_fold(
 
     If the structure of the run was found by a search, the search is repeated without this fold.
     With more than `MOST_SEARCHES` folds, several folds share a search that leaves out all of them,
-    so that no structure has seen the data with which it is scored.
+    so that no structure was chosen with the data on which it is scored.
     """
     again = None if run_dir is None else _searching_again(run_dir)
     if again is None:
@@ -106,8 +106,8 @@ def left_out(
     search if there is one, cuts, terms, backbone, the weight of the residual, and every competitor.
     The gain and the offset of its group are removed from a sample before it is scored; both are
     estimated in the fold that leaves the sample out. The run's own model predicts the quantity
-    `fitted_to`; if this is not the scored quantity, the model is inverted. A model whose fit fails
-    without one of the levels is left out of the comparison.
+    `fitted_to`. If the scored quantity is an input of the model instead, the model is inverted. A
+    model whose fit fails without one of the levels is left out of the comparison.
     """
     refuse_over_time(choices)
     dataset = contest.dataset
@@ -145,8 +145,9 @@ def _held_out(dataset: Dataset, outs: Sequence[BoolArray]) -> Dataset:
 
 
 def _scored(dataset: Dataset, datasets: Sequence[Dataset], folds: Sequence[Masks]) -> Dataset:
-    """Return the dataset with every sample held out, and with the target that each sample has in
-    the fold that leaves it out.
+    """Return the dataset with every sample held out. If there are groups, the target of each sample
+    is corrected by the gain and the offset of its group, as estimated in the fold that leaves the
+    sample out.
     """
     everywhere = [np.ones(curve.size, dtype=np.bool_) for curve in dataset.curves]
     whole = _held_out(dataset, everywhere)
@@ -161,8 +162,8 @@ def _scored(dataset: Dataset, datasets: Sequence[Dataset], folds: Sequence[Masks
 
 
 def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
-    """Combine the forecasts of all folds: each sample takes its value from the fold that leaves it
-    out.
+    """Combine the forecasts of all folds. Every sample gets its value from the fold in which it was
+    left out of the fit.
     """
     pooled = []
     for of_curve, outs in zip(zip(*parts, strict=True), zip(*folds, strict=True), strict=True):
@@ -174,8 +175,8 @@ def _by_fold(parts: Sequence[Forecasts], folds: Sequence[Masks]) -> Forecasts:
 
 
 def refuse_over_time(choices: ModelChoices) -> None:
-    """Raise SpecError for a model that runs over time, because it cannot be fitted again without a
-    level.
+    """Raise SpecError for a sum of models or a model with memory, because these cannot be fitted
+    again without a level.
     """
     if choices.kind == "sum" or choices.over_time:
         raise SpecError(
@@ -197,14 +198,16 @@ def refit_run(run_dir: Path, dataset: Dataset) -> Model:
 
 MUCH = 0.1
 """Largest fraction of the held-out samples that may be equal to training samples of a model by
-chance. With a larger fraction, the model counts as trained with the held-out samples.
+chance. With a larger fraction, the model is regarded as trained with the held-out samples.
 """
 
 
 def trained_on(run_dir: Path, dataset: Dataset) -> bool:
     """Return True if the model of another run was trained with samples that a dataset holds out.
-    Two samples count as the same if all their numbers are equal. Rows that are also training rows
-    of the dataset are ignored, and a few rows may agree by chance.
+
+    Two samples are regarded as the same if all their numbers are equal. Samples that are also among
+    the training samples of the dataset are ignored. The result is True only if more than the
+    fraction `MUCH` of the held-out samples are found, because a few may be equal by chance.
     """
     curves, of_run = dataset.raw_curves, RunFiles(run_dir).dataset().raw_curves
     names = [name for name in curves[0].columns if name in of_run[0].columns]
@@ -235,10 +238,10 @@ def residuals(
     on new data.
 
     `needed` holds the folders of the runs whose models are added; they are fitted again as well. If
-    `run_dir` contains a search of the structure, the search is repeated too. Held-out data are
-    never used.
+    the structure of the model was found by a search (in `run_dir`), the search is repeated too. The
+    held-out data of the study are never used.
 
-    Raises SpecError if the added runs were trained on fewer than three levels or recordings;
+    Raises SpecError for a sum of runs with fewer than three training levels or recordings;
     DataError or FitError, with the name of a part, if a model cannot be fitted without this part or
     cannot predict it.
     """
@@ -292,7 +295,7 @@ def _training_residuals(
     dataset: Dataset, model: Model, but: object
 ) -> dict[float | None, list[Array]]:
     """Return the training residuals of each recording, grouped by level. Samples without a
-    prediction, and the curve at the level `but`, are left out.
+    prediction are left out, and so is the curve at the level `but`.
     """
     by_level: dict[float | None, list[Array]] = {}
     for curve in dataset.curves:
@@ -309,11 +312,12 @@ def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int,
     """Return the parts of the training data that are left out one after the other: their kind,
     their number, and for each part its name and its samples of every curve.
 
-    The parts are levels without the lowest and the highest, because a new curve within the training
-    range lies between two levels. Without levels, the parts are recordings, and for a family they
-    are specimens. If there are fewer than `FEWEST` parts, they are blocks of all recordings. The
-    samples of a plateau, which are not used for training, belong to their level or recording,
-    because they are predicted and scored.
+    If the curves have levels, each part is a level. The lowest and the highest level are not left
+    out, because a new curve within the training range lies between two levels. Without levels, each
+    part is a recording, or a specimen in the model of a family. If there are fewer than `FEWEST`
+    levels or recordings, each part is a block of every recording. Samples on a plateau are not used
+    for training, but they are left out together with their level or recording, because they are
+    predicted and scored too.
     """
     if choices.model.family is not None:
         return _specimens(dataset, choices.model.family.of)

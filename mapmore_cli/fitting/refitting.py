@@ -1,6 +1,4 @@
-"""Fit models again with parts of the training data left out, and return their errors at these
-parts.
-"""
+"""Fit models again without a part of the training data, and predict this part."""
 
 from __future__ import annotations
 
@@ -27,8 +25,9 @@ Masks = tuple[BoolArray, ...]
 
 
 def contiguous(parts: Sequence[IntArray], count: int, size: int) -> list[BoolArray]:
-    """Divide each of the parts (row numbers) into `count` contiguous blocks. Return a mask,
-    (size,), for each number: the first mask selects the first block of every part, and so on.
+    """Divide each array of row numbers in `parts` into `count` contiguous blocks. Return `count`
+    masks, (size,) each: the first mask selects the first block of every array, the second mask the
+    second block, and so on.
     """
     split = [np.array_split(part, count) for part in parts]
     masks = []

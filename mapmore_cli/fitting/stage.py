@@ -1,4 +1,4 @@
-"""Define what a stage of the pipeline is, and what it works with."""
+"""Define the class `Stage`, a step of the pipeline, and the objects with which a stage works."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Need:
-    """Another run, whose model a stage reads.
+    """Another run, whose model is the input of a stage.
 
-    - `key`: path of the spec of this run. With `overrides`, it is the name of a variation of the
-      study, and the run is called `<name of the study>.<key>`.
+    - `key`: path of the spec of this run. If there are `overrides`, the run is a variation of the
+      study, `key` is the name of the variation, and the run is called `<name of the study>.<key>`.
     - `overrides`: settings of a variation, in the form of `--set`.
-    - `compared`: True if the study is only compared with this run. An existing model of the run is
-      then used unchanged, and the run is made only if it has no model yet.
+    - `compared`: True if the model of this run is only a competitor of the study's model. If the
+      run has a model already, this model is used unchanged, even if it is out of date.
     """
 
     key: str
@@ -36,13 +36,13 @@ class Need:
 class Workspace:
     """Folders, files and messages with which a stage works.
 
-    `run_dir` holds the committed outputs of the earlier stages. A stage writes its own outputs into
+    `run_dir` holds the outputs of all stages that are finished. A stage writes its own outputs into
     the folder `out` under their final names, and the runner then moves all of them into place
     together. `spec_dir` is the folder of the spec; paths of recordings are relative to it. `needed`
     holds the folders of the runs that the stage needs, by their path in the spec or the name of a
     variation. `spec_text` is the spec with its defaults, as the report shows it; `searched` is True
-    if its structure was found by a search. `tables` holds recordings in memory, by their names in
-    `data.files`.
+    if the structure of the model was found by a search. `tables` holds recordings in memory, by
+    their names in `data.files`.
     """
 
     run_dir: Path
@@ -68,13 +68,13 @@ class Stage:
     - `name`: `ingest`, `segment`, ...
     - `revision`: number that is raised when the stage's numbers or files change, so that older
       results become stale.
-    - `outputs`: files or folders that it writes, relative to the run folder.
-    - `reads`: function that returns the slice of the spec that the stage depends on: a frozen
-      dataclass or a pydantic model, which is dumped to JSON for the fingerprint.
-    - `run`: function that does the work, given the slice.
-    - `sources`: function that returns the files outside the run folder that it reads (recordings),
-      given the spec and its folder.
-    - `needs`: function that returns the runs whose models it reads.
+    - `outputs`: files or folders that the stage writes, relative to the run folder.
+    - `reads`: function that returns the part of the spec on which the stage depends. This part is a
+      frozen dataclass or a pydantic model, and its JSON text is a part of the fingerprint.
+    - `run`: function that does the work. Its arguments are this part of the spec and a workspace.
+    - `sources`: function that takes the spec and its folder, and returns the files outside the run
+      folder that the stage reads (recordings).
+    - `needs`: function that takes the spec, and returns the runs whose models the stage reads.
     """
 
     name: str

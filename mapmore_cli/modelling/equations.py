@@ -87,7 +87,7 @@ def equation(
         known = {s: evaluate(rounded(line, digits), at, len(u)) for s, line in where.items()}
         return evaluate(rounded(whole, digits), {**at, **known}, len(u))
 
-    with np.errstate(all="ignore"):  # a term may be undefined in a part of the ranges
+    with np.errstate(all="ignore"):  # no warnings, because a term may be undefined somewhere
         known = {**at, **{short: evaluate(line, at, len(u)) for short, line in where.items()}}
         terms_of_sum = whole.terms if isinstance(whole, Sum) else (whole,)
         whole = add(*(_balanced(term, known, len(u)) for term in terms_of_sum))
@@ -151,7 +151,7 @@ def summed(
     """Return a sum of terms, and the meaning of the names of its scaled inputs: `p` for `pressure`,
     `sr` for `strain_rate`, `v16` for `voltage[k-16]`.
 
-    If a quantity is printed in another unit, `units` says how many of the model's units are one
+    If a quantity is printed in another unit, `units` holds the number of the model's units in one
     printed unit. If all terms are products of powers and no input has an offset, the scale factors
     are multiplied into the coefficients. No short names are then needed, as in table 5 of M2.
     """
@@ -184,7 +184,7 @@ def summed(
                 for tree, degree in zip(trees, degrees, strict=True)
                 if name in tree.names
             )
-            # with the scaled input zero at the right end of its range, most terms become shorter
+            # For -1 <= z <= 0, a term such as sqrt(1 + z) is printed shorter with the input z + 1.
             shift = 1.0 if placed.get(name) == "right" and bent > 0 else 0.0
             short[name], where[fresh] = (
                 Name(fresh) - shift,

@@ -33,8 +33,8 @@ from mapmore_cli.modelling.memory.records import AtSample
 
 def forecast_each(model: Model, curves: Sequence[Curve], target: str) -> tuple[Forecast, ...]:
     """Predict every sample of several curves, as `forecast` does. If the model has no memory, short
-    curves are predicted together in one call, because calls are slow: one takes longer than the
-    prediction of a hundred samples.
+    curves are joined and predicted in one call, because a call takes longer than the prediction of
+    a hundred samples.
     """
     if target != model.output.name or runs_over_time(model):
         return tuple(forecast(model, curve, target) for curve in curves)
@@ -57,8 +57,8 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
     """Predict every sample of a curve, recording by recording. Raises the same errors as `predict`,
     with the name of the recording.
 
-    If the `target` is not the output of the model but one of its inputs, the model is inverted for
-    it (`inverse.solve_for_input`).
+    If the `target` is an input of the model, the model is inverted: the input is computed from the
+    output (`inverse.solve_for_input`).
     """
     if target is not None and target != model.output.name:
         return Forecast.of(
@@ -81,8 +81,8 @@ def forecast(model: Model, curve: Curve, target: str | None = None) -> Forecast:
 
 def outside(model: Model, curve: Curve) -> BoolArray:
     """Return True for each sample of a curve at which an input lies outside its training range,
-    (n,). A model that runs along recordings is tested recording by recording, because a sample may
-    depend on earlier ones. Any other model is tested in blocks of rows.
+    (n,). For a model with memory, each recording is tested as a whole, because the state at a
+    sample depends on earlier samples. For any other model, blocks of rows are tested.
     """
     of = partial(outside_range, model)
     if not runs_over_time(model):

@@ -1,11 +1,12 @@
 """Find every value of an input within its training range at which the model gives a wanted output,
 for example the pressure for a force at a given strain.
 
-There may be no solution, one solution, or several, because the output is not monotone in the input
-everywhere (for measured muscles, on up to a tenth of the grid). The solutions can also fill a whole
-range: a slack muscle gives the same force at every pressure. The output is monotone between knots
-(levels, boundaries, limits) and the places at which the slope changes its sign. Each monotone part
-contains at most one solution, which bisection finds.
+There may be no solution, one solution, or several, because the output is not always a monotone
+function of the input. For models of measured muscles, this was found at up to a tenth of the
+examined places. The solutions can also fill a whole range: a slack muscle gives the same force at
+every pressure. The output is monotone between knots (levels, boundaries, limits) and the places at
+which the slope changes its sign. Each monotone part contains at most one solution, which bisection
+finds.
 """
 
 from __future__ import annotations
@@ -48,18 +49,23 @@ than `STEEP` times the slope of its secant, because the output may then turn twi
 """
 
 CHUNK = 500  # number of rows that are computed at once
-BISECTIONS = 50  # number of bisections down to rounding errors
-SAME = 1e-9  # smaller differences, as a fraction of the range of outputs, count as zero
-# largest relative difference between the output at a solution and the wanted output
-# A larger difference means that bisection has found a jump of the output instead of a solution.
+BISECTIONS = 50  # number of bisections; more would not reduce the error because of rounding
+SAME = 1e-9  # a difference of outputs below this fraction of their range is treated as zero
+# At a solution, the output differs from the wanted output by at most this fraction of it.
+# If the output differs more from the wanted output, bisection has found a jump, not a solution.
 REACHED = 1e-6
 
 
 @dataclass(frozen=True)
 class Inverse:
-    """Solutions for n rows. `values`, (m,), holds all solutions, in ascending order for each row,
-    and `rows`, (m,), holds the row of each solution. `status` and `picked` have the shape (n,);
-    `picked` is NaN for a row without a solution.
+    """Solutions for n rows.
+
+    - `values`, (m,): all solutions, in ascending order for each row.
+    - `rows`, (m,): the row of each solution.
+    - `status`: for each row, `none`, `one`, `several`, `unique` (one solution, and `fit.shape`
+      excludes a second), or `flat` (the solutions fill a range).
+    - `picked`, (n,): the solution that the rule selects for each row; NaN for a row without a
+      solution.
     """
 
     values: Array
@@ -70,8 +76,8 @@ class Inverse:
 
 @dataclass(frozen=True)
 class SolvedInput:
-    """Values of an input, computed from the output of a model. `values`, (n,), holds a value for
-    each row, and `solved`, (n,), is True for rows with a solution.
+    """Values of an input, computed from the output of a model. `values`, (n,), holds one value for
+    each row. `solved`, (n,), is False for rows without a solution.
     """
 
     values: Array
@@ -79,8 +85,9 @@ class SolvedInput:
 
 
 def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = LOWEST) -> Inverse:
-    """Return every value of the input `name` at which the model gives the `wanted` output, (n,), at
-    the `given` other inputs, (n,) each.
+    """Return every value of the input `name` at which the model gives the `wanted` output, (n,),
+    for each row. The other inputs have the `given` values, (n,) each. `rule` selects one of several
+    solutions.
 
     Raises UsageError for an unknown input or rule; DataError for a model with memory.
     """
@@ -97,14 +104,14 @@ def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = L
 
 
 def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
-    """Return the input `name` as a function of the model's output and its other inputs, for example
-    the force at a strain from a model of the strain.
+    """Compute the input `name` of a model from its output and its other inputs. For example,
+    compute the force from a measured strain, if the model predicts the strain from the force.
 
     `columns` holds the output and all inputs but `name`, shape (n,) each. The result for each row
-    is the lowest solution within the training range. If there is no solution, it is the value of
-    the input whose output is nearest to the given output. For example, if no force within the range
-    causes a strain, the result is the force at one end of the range. A row with a NaN gives NaN.
-    Raises UsageError and DataError like `invert`.
+    is the lowest solution within the training range. If there is no solution, the result is the
+    value of the input at which the model's output is nearest to the given output. For example, if
+    no force within the range causes the measured strain, the result is often the force at one end
+    of the range. A row with a NaN gives NaN. Raises UsageError and DataError like `invert`.
     """
     needed = [model.output.name, *(other for other in _input_names(model, name) if other != name)]
     known = np.flatnonzero(np.logical_and.reduce([np.isfinite(columns[other]) for other in needed]))
@@ -124,8 +131,8 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
 def _solutions(
     model: Model, wanted: Array, given: Columns, name: str
 ) -> tuple[Array, IntArray, BoolArray, Array]:
-    """Return the results of `_Line.solutions` for all rows, computed for `CHUNK` rows at once to
-    limit the memory.
+    """Compute the results of `_Line.solutions` for all rows. Only `CHUNK` rows are computed at
+    once, to limit the memory.
     """
     names, program = _input_names(model, name), program_of(model)
     slopes, value, ends = evaluator(with_slopes(program)), evaluator(program), knots(model, name)
@@ -171,17 +178,19 @@ def knots(model: Model, name: str) -> Array:
 
 
 def parts_between(knots: Array) -> int:
-    """Return the number of parts into which every interval between knots is divided. In each part,
-    the slope is computed at both ends.
+    """Return the number of parts into which every interval between knots is divided. The slope of
+    the output is computed at both ends of each part.
     """
     return max(SCAN, -(-PARTS // (len(knots) - 1)))
 
 
 @dataclass(frozen=True)
 class _Line:
-    """The output of a model as a function of one input, at each of n rows with given values of the
-    other inputs. The arguments of the methods are values x of the input, shape (m,), and the row to
-    which each of them belongs (`rows`).
+    """The output of a model as a function of one input x. There are n such functions, one for each
+    row, because the other inputs have `given` values, (n,) each.
+
+    The methods take values of x, shape (m,), and `rows`, shape (m,), the number of the row to which
+    each value belongs.
     """
 
     value: Callable[[Columns], list[Array]]
@@ -299,12 +308,13 @@ class _Line:
 def may_turn_twice(
     left: Array, right: Array, slope_left: Array, slope_right: Array, width: Array
 ) -> BoolArray:
-    """Return True for each part, (m,), in which the output may turn twice and reach zero between
-    the turns. This is decided from the values and slopes at both ends of the part.
+    """Return True for each part, (m,), in which the slope may change its sign twice, so that the
+    output may reach zero in between. This is decided from the values and slopes at both ends of the
+    part.
 
     A cubic is monotone if its slopes at both ends are at most three times the slope of the secant
-    (Fritsch and Carlson 1980). Within the part, it differs from its value at an end by less than
-    the part's width times the steeper of the two slopes.
+    (Fritsch and Carlson 1980). Within the part, the cubic differs from its value at an end by less
+    than the part's width times the steeper of the two slopes.
     """
     reach = np.maximum(np.abs(slope_left), np.abs(slope_right)) * width
     rise = right - left

@@ -75,8 +75,8 @@ class Verbs(Protocol):
         return self.simulate(model, columns).values
 
     def fed_back(self, model: Model) -> tuple[str, ...]:  # noqa: ARG002
-        """Return the names of the outputs of which measured values are needed at the start of a
-        run.
+        """Return the names of the outputs that are fed back. A free run needs measured values of
+        these outputs at its start.
         """
         return ()
 
@@ -91,8 +91,8 @@ class Verbs(Protocol):
         return ()
 
     def faults(self, model: Model) -> Iterable[str]:  # noqa: ARG002
-        """Return what is wrong with a stored model. A model with such a fault is refused
-        (`soundness`).
+        """Yield a sentence for each fault of a stored model. If there is a fault, the model is
+        refused (see the module `soundness`).
         """
         return ()
 
@@ -193,9 +193,10 @@ def simulate(model: Model, columns: Columns) -> SimulatedRun:
 
 def settled(model: Model, columns: Columns) -> Array:
     """Return the output of the model for constant inputs, shape (n,). For a model with memory, this
-    is the value at which a run comes to rest. For any other model, it is the result of `predict`.
+    is the final value of the output when all inputs stay constant. For any other model, it is the
+    result of `predict`.
 
-    Raises FitError if the run does not come to rest.
+    Raises FitError if the output does not become constant.
     """
     return verbs_of(model).settled(model, columns)
 
@@ -209,7 +210,7 @@ def running(model: Model) -> Callable[[Columns], SimulatedRun] | None:
 
 def outside_range(model: Model, columns: Columns) -> BoolArray:
     """Return True for rows at which an input lies outside the training range, shape (n,). For a
-    sum, a row counts as outside if it is outside the range of one of the summands.
+    sum, the result is True if a row is outside the training range of at least one of the summands.
     """
     return verbs_of(model).outside_range(model, columns)
 
@@ -257,8 +258,8 @@ def parameters(model: Model) -> int:
 
 
 def one_step_ahead(model: Model, columns: Columns) -> Array:
-    """Return the one-step-ahead prediction of every row, from measured outputs, shape (n,); NaN for
-    the first rows if the model needs earlier ones.
+    """Return the one-step-ahead prediction of every row, from measured outputs, shape (n,). The
+    first rows are NaN if the model needs earlier samples.
     """
     return verbs_of(model).one_step(model, columns)
 
@@ -271,7 +272,7 @@ def runs_over_time(model: Model) -> bool:
 
 
 def fed_back(model: Model) -> tuple[str, ...]:
-    """Return the names of the outputs of which measured values are needed at the start of a run,
-    without repetitions.
+    """Return the names of the outputs that are fed back, without repetitions. A free run needs
+    measured values of these outputs at its start.
     """
     return verbs_of(model).fed_back(model)

@@ -13,8 +13,8 @@ from mapmore_cli.domain.arrays import Array, BoolArray, Columns, row_count
 from mapmore_cli.domain.recording import CurveRange
 
 OUTSIDE_TOLERANCE = 1e-9
-"""An input outside a range by less than this fraction of the range still counts as inside, so that
-rounding does not flag the end itself.
+"""Distance from a range, as a fraction of its width, up to which an input is treated as inside. An
+input at the end of a range may lie slightly outside because of rounding errors.
 """
 
 
@@ -41,8 +41,8 @@ class InputRange(NamedTuple):
 
 
 def limits(ranges: Sequence[CurveRange], level: str | None) -> Iterator[InputRange]:
-    """Yield the training range of every input. The level comes first; its range reaches from the
-    lowest to the highest level, shape (1,) each.
+    """Yield the training range of every input. The first result is the range of the level, which
+    reaches from the lowest to the highest level, shape (1,) each.
 
     The range of any other input is interpolated linearly between the curves, because curves have
     different ranges: for example, the free strain grows with the pressure.

@@ -19,9 +19,9 @@ from mapmore_cli.domain.declared import (
 )
 from mapmore_cli.modelling.frols.weighing import LOSSES
 
-# value of a setting, for example of the backbone, that mapmore chooses by cross-validation
+# A setting with this value, for example `backbone: auto`, is chosen by cross-validation.
 AUTO = "auto"
-# smallest ridge except zero; a smaller one is below the rounding errors of the Gram matrix
+# smallest possible ridge, except zero; smaller values are rounding errors of the Gram matrix
 LEAST_RIDGE = 1e-9
 # default ratio of the number of terms before pruning to the number after pruning
 FORWARD = 3
@@ -141,17 +141,19 @@ class Fit(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class MemoryRecipe(Fit):
-    """Settings of a model with memory: the keys of `Fit`, and the output, terms and samples to
-    which they apply.
+    """Settings of a model with memory: all keys of the section `fit` (the class `Fit`), and the
+    four settings below.
 
     With a ridge, candidates are centred and divided by their standard deviations, and the model has
-    a separate constant. Without a ridge, the constant is a candidate like any other. `tolerance` is
-    as in `Fit`; with a ridge, it is a fraction of the variance.
+    a separate constant. Without a ridge, the constant is a candidate like any other. `tolerance`
+    has the same meaning as for segments, except that it is a fraction of the variance of the output
+    if there is a ridge.
 
     - `target`: the output.
     - `dictionary`: candidate terms as texts. Each is a product of names of states.
     - `step`: time between samples, s.
-    - `ordered`: True if the time steps are uneven and only the order of samples counts.
+    - `ordered`: True if the time steps are uneven. The model then uses the order of the samples
+      only, and not the time between them.
     """
 
     target: str

@@ -139,12 +139,13 @@ class Arx:
     theta: Array
 
     def as_memory(self, curves: Sequence[Curve], limits: Ends) -> Memory:
-        """Return the ARX as a model with memory. Its time step is the time between samples of the
-        `curves`. A run has diverged if it is far outside the `limits` of the target.
+        """Return the ARX model as a model with memory. Its time step is the time between samples of
+        the `curves`. A free run is NaN from the sample at which it is far outside the `limits` of
+        the target.
 
-        A run of this model begins with `order` measured outputs, but the run that is scored (`arx`)
-        begins at rest. Both runs follow the same equation, and they agree as soon as the effect of
-        the beginning has decayed.
+        A free run of this model begins with `order` measured outputs, but the free run from which
+        the scores are computed (`arx`) begins at rest. Both follow the same equation, so that they
+        agree as soon as the effect of the different beginnings has decayed.
         """
         steps = range(1, self.order + 1)
         past = [f"{self.target}[k-{i}]" for i in steps]
@@ -180,12 +181,12 @@ def polynomial_fit(
 
 
 def arx(dataset: Dataset, names: Sequence[str]) -> tuple[Arx, list[Array]] | None:
-    """Return the fitted ARX and its free run along every recording, (n_c,) each.
+    """Return the fitted ARX model and its free run along every recording, (n_c,) for each curve.
 
     The scores are computed from the free run. It starts at rest, as if the output and the inputs
     had always had their first values. The coefficients are fitted by least squares, one step ahead.
-    Of all `ORDERS`, the order with the smallest error in free run on the training samples is used.
-    The result is None if every free run diverges.
+    A model of each order in `ORDERS` is fitted, and the model with the smallest error in free run
+    on the training samples is returned. The result is None if every free run diverges.
     """
     best, least = None, np.inf
     for order in ORDERS:
@@ -205,8 +206,8 @@ def arx(dataset: Dataset, names: Sequence[str]) -> tuple[Arx, list[Array]] | Non
 
 
 def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
-    """Return the given columns of the training samples of all curves, shape (n,) each. If there are
-    many more samples than a fit uses, they are thinned evenly.
+    """Return the columns `names` at the training samples of all curves, shape (n,) each. If there
+    are many more samples than a fit needs, only every k-th sample is used.
     """
     every = _thinning(dataset)
     rows = [row_numbers(rows_where(curve.training)[::every]) for curve in dataset.curves]
@@ -220,8 +221,8 @@ def _training_samples(dataset: Dataset, names: Sequence[str]) -> list[Array]:
 
 
 def _thinning(dataset: Dataset) -> int:
-    """Return the number n with which every n-th sample is kept. About four times as many samples
-    remain as a fit uses.
+    """Return the number k for which only every k-th sample is used. About four times as many
+    samples remain as a fit needs.
     """
     return max(1, sum(curve.size for curve in dataset.curves) // (4 * MOST_ROWS))
 
@@ -237,8 +238,8 @@ def _monomials(x: Sequence[Array] | Array, degree: int) -> Array:
 
 
 def _powers(inputs: int, degree: int) -> list[tuple[int, ...]]:
-    """Return, for each monomial, the indices of the inputs that are its factors. A power repeats an
-    index.
+    """Return, for each monomial, the indices of the inputs that are multiplied. For example, (0, 0,
+    1) is the square of the first input times the second input.
     """
     return [
         of
@@ -248,8 +249,9 @@ def _powers(inputs: int, degree: int) -> list[tuple[int, ...]]:
 
 
 def _one_step_fit(dataset: Dataset, names: Sequence[str], order: int) -> Array | None:
-    """Fit an ARX of the given order one step ahead. Return its coefficients: the constant, then
-    `order` coefficients of past outputs, then `order + 1` coefficients of each input.
+    """Fit an ARX model of the given order by least squares, one step ahead. Return its
+    coefficients: the constant, then `order` coefficients of past outputs, then `order + 1`
+    coefficients of each input.
     """
     every, tables, outputs = _thinning(dataset), [], []
     for curve in dataset.curves:
@@ -276,7 +278,7 @@ def _run(curve: Curve, fitted: Arx) -> Array:
     """Return the free run along every recording of a curve, (n,); NaN from the row at which it
     diverges.
     """
-    # imported here, because the import is slow and a run without an ARX does not need it
+    # imported here, because the import is slow and a run without an ARX model does not need it
     from scipy.signal import lfilter
 
     names, order, theta = fitted.names, fitted.order, fitted.theta
@@ -285,8 +287,9 @@ def _run(curve: Curve, fitted: Arx) -> Array:
     most = LARGEST * max(np.abs(x[np.isfinite(x)]).max(initial=1e-300) for (x,) in in_blocks(y))
 
     def at_rest(coefficients: Array, first: float) -> Array:
-        """Return what values before the beginning of a recording add to the samples 0, 1, ..., if
-        all these earlier values are equal to `first`.
+        """Return the contribution of values before the beginning of a recording to the samples 0,
+        1, ..., `order - 1`. All these earlier values are equal to `first`, because the recording is
+        assumed to begin at rest.
         """
         return np.array([coefficients[step:].sum() * first for step in range(order)])
 

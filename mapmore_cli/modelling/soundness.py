@@ -1,8 +1,7 @@
-"""Check that a stored model can be evaluated. This is done once, when the model is read.
-
-Types and single values are checked earlier; here, mapmore checks that the parts of the model fit
-together. A model is refused if its kind finds a fault (`faults`), or if a trial on a few rows ends
-with an internal error.
+"""Check that a stored model can be evaluated. This is done once, when the model is read. Types and
+single values were checked before; here, mapmore checks that the parts of the model are consistent.
+A model is refused if its kind finds a fault (`faults`), or if a trial on a few rows ends with an
+internal error.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ def unsound(model: Model) -> str | None:
 
 
 def _try(model: Model) -> None:
-    """Apply all operations that the commands use to a model. Errors that the commands report to
+    """Apply to a model every operation that a command may use. Errors that the commands report to
     users are accepted.
     """
     asked = (*model.inputs, model.output)

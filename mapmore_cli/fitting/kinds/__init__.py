@@ -1,7 +1,6 @@
-"""Make models from sections of the spec: one file with a `Maker` for each kind of model.
-
-The stages call `fit` and `build` separately and store the results in between; `refit` calls both.
-The functions here read and write no files.
+"""Make models from sections of the spec. Each kind of model has a file with a `Maker`, which fits
+and builds models of this kind. The stages call `fit` and `build` separately and store the results
+in between; `refit` calls both. The functions here read and write no files.
 """
 
 from __future__ import annotations
@@ -26,9 +25,7 @@ if TYPE_CHECKING:
 
 
 def added_up(_path: str) -> Model:
-    """Raise SpecError, because a sum of runs cannot be fitted if the models of these runs are
-    unknown.
-    """
+    """Raise SpecError, because a sum of runs cannot be fitted without the models of these runs."""
     raise SpecError(
         "a sum of models of other runs cannot be fitted here, because these runs are unknown",
         "use the specs of the added models instead",
@@ -37,9 +34,11 @@ def added_up(_path: str) -> Model:
 
 @dataclass(frozen=True)
 class Given:
-    """Everything from which a model is made: the data, the segmentation, and a function that
-    returns the model of another run for the path of its spec. If `near` is not None, it is a fit to
-    these and further samples, and the search for parameters begins at its parameters.
+    """Everything from which a model is made: the data, the segmentation, and the function
+    `model_of`, which takes the path of a spec and returns the model of its run.
+
+    If `near` is not None, it is an earlier fit to a larger part of the same data. The search for
+    parameters then begins at the parameters of this earlier fit.
     """
 
     dataset: Dataset
@@ -50,7 +49,7 @@ class Given:
 
 
 class Maker(Protocol):
-    """Base class of objects that make the models of one kind."""
+    """Interface of objects that fit and build the models of one kind."""
 
     @abstractmethod
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
@@ -73,7 +72,7 @@ class Maker(Protocol):
 
 @runtime_checkable
 class FitsSums(Protocol):
-    """A maker that can fit the formulas of a sum together, so that the sum can be a competitor of
+    """A maker that can also fit the formulas of a sum together. Such a sum can be a competitor of
     any model.
     """
 

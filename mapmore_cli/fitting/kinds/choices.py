@@ -27,7 +27,8 @@ class ModelChoices:
 
     - `lengths`: dimensions of the muscle (m) that its formula needs.
     - `summands`: specs of the runs whose models are added.
-    - `intervals`: True if models are also fitted without each part of the training data.
+    - `intervals`: True if the model is also fitted with each part of the training data left out in
+      turn.
     """
 
     levels: Levels | None
@@ -44,7 +45,10 @@ class ModelChoices:
 
     @property
     def kind(self) -> str:
-        """Name of the kind of model. It is `model.type`, or it follows from other settings."""
+        """Name of the kind of model. For the default `model.type: mapmore`, it is `memory` if the
+        dictionary contains terms with memory, and otherwise `pieces`. For `literature`, it is
+        `formula`. For any other type, it is the type itself.
+        """
         if self.model.type == "mapmore":
             return "memory" if remembers(self.dictionary) else "pieces"
         return "formula" if self.model.type == "literature" else self.model.type
@@ -52,7 +56,7 @@ class ModelChoices:
     @property
     def over_time(self) -> bool:
         """Return True if the model is computed along whole recordings, because its output depends
-        on the past.
+        on earlier samples.
         """
         return self.kind in ("memory", "state_space")
 
@@ -131,7 +135,9 @@ def by_trial(segment: SegmentSection) -> bool:
 
 
 def model_choices(spec: ExperimentSpec) -> ModelChoices:
-    """Return the sections of a spec that determine the model, as the fuse stage reads them."""
+    """Return the sections of a spec that determine the model. The stage `fuse` depends on all of
+    them.
+    """
     spec = with_definitions(spec)
     return ModelChoices(
         spec.data.levels,

@@ -1,5 +1,5 @@
-"""Make the names of candidate terms from the dictionary of a spec. Also make signals from the
-derived quantities of the spec, so that a model can compute these quantities from its inputs.
+"""Make the names of candidate terms from the dictionary of a spec. Also define how derived
+quantities, for example rates, are computed, so that a model can compute them from its inputs.
 """
 
 from __future__ import annotations
@@ -28,7 +28,9 @@ from mapmore_cli.study.units import convert, default_unit
 
 
 def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Signal:
-    """Return the signal of a derived quantity (a rate or a direction), in the model's `units`."""
+    """Return the rule by which a derived quantity (a rate or a direction) is computed. `units`
+    holds the model's unit of each quantity.
+    """
     if isinstance(rule, Direction):
         return Signal(name, "direction", rule.direction_of, dead_band=rule.dead_band)
     return Signal(
@@ -43,8 +45,8 @@ def signal_of(name: str, rule: Rate | Direction, units: Mapping[str, str]) -> Si
 
 
 def derivations_of(spec: ExperimentSpec) -> dict[str, str | Rate | Direction]:
-    """Return the derived quantities of a spec. If segments are cut by a direction, this direction
-    is included.
+    """Return the rules of the derived quantities of a spec, by name. If segments are cut by a
+    direction, this direction is included.
     """
     cuts = {name: cut for name, cut in spec.segment.items() if isinstance(cut, CutByDirection)}
     return {
@@ -67,8 +69,8 @@ def units_of(spec: ExperimentSpec) -> dict[str, str]:
 
 
 def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:
-    """Return all rates and directions of a study. A signal that is computed from another signal,
-    for example the rate of a rate, stands after it.
+    """Return all rates and directions of a study. A rate of another rate comes after that other
+    rate in the result.
     """
     units = units_of(spec)
     signals = {
@@ -93,10 +95,10 @@ class Clock:
 
 
 def terms_of(dictionary: Sequence[DictionaryEntry], clock: Clock | None = None) -> tuple[str, ...]:
-    """Return the names of all candidate terms in the order of the dictionary, each once. Terms with
-    memory need a `clock`.
+    """Return all candidate terms as texts, in the order of the dictionary and without repetitions.
+    Terms with memory need a `clock`.
 
-    Raises SpecError if `partners` of products names a term that the products do not contain;
+    Raises SpecError if `with` of `products` contains a term that is not among their factors;
     DataError if the matrices for all products do not fit into memory.
     """
     return tuple(
@@ -117,8 +119,8 @@ def bounds_of(dictionary: Sequence[DictionaryEntry]) -> dict[str, tuple[float, f
 
 
 def _terms(entry: DictionaryEntry, clock: Clock | None, *, constant: bool) -> Sequence[str]:
-    """Return the terms of one entry of the dictionary. `constant` is False for an entry inside
-    products; its constant term is then left out.
+    """Return the terms of one entry of the dictionary. If the entry is a factor of `products`,
+    `constant` is False, and the constant term is left out.
     """
     name, family = entry.family
     if isinstance(family, list):

@@ -29,9 +29,8 @@ from mapmore_cli.study.sections.dictionary import timed_terms
 
 
 def _unseen(curve: Curve, outputs: Sequence[str], lag: int, step: float) -> Curve:
-    """Return a curve in which the held-out outputs are replaced by NaN. If outputs are fed back,
-    the first `lag` outputs of each uninterrupted piece are kept, because a free run begins with
-    them.
+    """Return the curve with its held-out outputs replaced by NaN. If outputs are fed back, the
+    first `lag` outputs of each uninterrupted piece are kept, because a free run begins with them.
     """
     if not curve.held_out.any():
         return curve
@@ -46,8 +45,8 @@ def _asked(
     """Return the recordings, with the residual of the backbone as output, and all settings of the
     fit.
 
-    Held-out outputs are replaced by NaN. Otherwise, a model that feeds its output back would use
-    them as past values of training samples.
+    Held-out outputs are replaced by NaN, because a model that feeds its output back would otherwise
+    use them as past outputs of training samples.
     """
     step, uneven, pieces = sampled(dataset.curves, ordered=not timed_terms(part.dictionary))
     longest = max(int(record.training.sum()) for record in pieces)
@@ -78,8 +77,8 @@ class MemoryMaker(Maker):
         """Fit one model to all recordings, or to the residual of the backbone if there is a
         backbone, and return the fit.
 
-        Raises DataError if recordings have different time steps, or if too few samples have enough
-        earlier samples; FitError if the fit of the backbone failed.
+        Raises DataError if recordings have different time steps, or if too few samples have as many
+        earlier samples as the terms need; FitError if the fit of the backbone failed.
         """
         dataset = given.dataset
         backbone = (
@@ -99,16 +98,16 @@ class MemoryMaker(Maker):
         )
 
     def fit_together(self, part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
-        """Return one fit for each output. Each is fitted to all recordings, and all have the same
-        terms. Raises the same errors as `fit`.
+        """Fit each output to all recordings, with the same terms for all outputs, and return one
+        fit for each output. Raises the same errors as `fit`.
         """
         records, recipe = _asked(part, given.dataset, None)
         recipes = [replace(recipe, target=output.target) for output in given.dataset.each]
         return tuple(FitResult(fit) for fit in fit_outputs(records, recipes))
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Return the model, with the training range of its inputs. If the spec requires a sign of
-        the static gain, the coefficients are fitted again so that the gain has this sign.
+        """Return the model, with the training range of its inputs. If `fit.shape` requires that the
+        static gain is positive or negative, the coefficients are fitted again with this condition.
         """
         assert result.memory is not None
         model = memory.memory_model(

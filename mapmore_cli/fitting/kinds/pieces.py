@@ -105,8 +105,8 @@ class PiecesMaker(Maker):
         return self.fit_together(part, given)[0]
 
     def fit_together(self, part: ModelChoices, given: Given) -> tuple[FitResult, ...]:
-        """Return the fit of every output. The outputs share their terms. Raises the same errors as
-        `fit`.
+        """Fit the segments of all outputs with the same terms, and return one fit for each output.
+        Raises the same errors as `fit`.
         """
         from mapmore_cli.modelling.pieces import build as method
 
@@ -126,7 +126,7 @@ class PiecesMaker(Maker):
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
         """Fuse the segments, and return the model. If there is a backbone, cross-validation decides
-        whether the segments are used, and whether they are shrunk between levels.
+        whether the segments are used, and by which factor their output is reduced between levels.
         """
         from mapmore_cli.modelling.pieces import build as method
         from mapmore_cli.modelling.pieces.residual_share import with_trusted_residual

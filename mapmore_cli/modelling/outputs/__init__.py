@@ -1,5 +1,5 @@
-"""Model several outputs that share their segments and terms. There is one model for each output,
-and one model that contains them.
+"""Model several outputs with the same segments and the same terms. Each output has its own model,
+and one further model contains all of them.
 """
 
 from mapmore_cli.domain.models import Outputs

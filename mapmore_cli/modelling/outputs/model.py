@@ -78,7 +78,7 @@ class OutputsVerbs(Verbs):
         return sum(map(kinds.parameters, model.each))
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Yield the faults of a stored model, because of which it is refused."""
+        """Yield a sentence for each fault of a stored model. A model with a fault is refused."""
         each = model.each
         names = [part.output.name for part in each]
         if len(names) < 2 or len({*names}) < len(names) or model.output != each[0].output:

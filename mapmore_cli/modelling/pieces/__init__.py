@@ -1,5 +1,5 @@
-"""Implement the method of M1 and M2: curves are cut into segments, a few terms are chosen for each
-segment, and the pieces are fused with smooth weights.
+"""Implement the MAPMORE method of the papers M1 and M2 (docs/references.md). Curves are cut into
+segments, a few terms are chosen for each segment, and the pieces are fused with smooth weights.
 """
 
 from mapmore_cli.domain.models import Pieces

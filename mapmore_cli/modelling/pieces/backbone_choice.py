@@ -1,12 +1,15 @@
 """Choose the backbone of a model by cross-validation.
 
-The backbone is chosen among all static formulas of the study's inputs, and no backbone is one of
-the choices. Each inner level (for one surface, each inner block along every input) is left out
-once, and everything is done again without it: formula, cuts, terms, and then the best share of the
-residual. With three training levels or fewer, the choice would depend on chance: for measured
-muscles, Sárosi's formula was chosen although the hinged formula has a tenth of its error. With so
-few levels, the formula `FEW` is used, which is close to the plain formula if the data have no slack
-foot.
+The candidates are all static formulas of the study's inputs, and a model without a backbone. Each
+inner level is left out once. (If all curves form one surface, each inner block along every input is
+left out instead.) Without the left-out data, everything is done again for each candidate: the
+formula is fitted, the curves are cut, the terms are chosen, and the factor of the residual is
+chosen.
+
+With three training levels or fewer, the choice would depend on chance: for measured muscles,
+Sárosi's formula was chosen although the hinged formula has a tenth of its error. With so few
+levels, the formula `FEW` is used without a comparison. If the data have no slack foot, `FEW` is
+close to the same formula without a hinge.
 """
 
 from __future__ import annotations
@@ -31,9 +34,10 @@ from mapmore_cli.modelling.pieces.cross_validation import (
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
 FEWEST_FOLDS = 2  # smallest number of folds with which formulas are compared
-FEW = "sarosi_hinged"  # formula that is used without a comparison if there are fewer folds
-# fraction of the smallest error within which the formula with fewer parameters is preferred
-# Wider margins were worse on measured muscles.
+FEW = "sarosi_hinged"  # formula that is used if there are fewer than `FEWEST_FOLDS` folds
+# Formulas are equally good if their errors exceed the smallest error by at most this fraction.
+# Of equally good formulas, the formula with the fewest parameters is chosen.
+# Larger fractions than 2 % gave worse models of measured muscles.
 MARGIN = 0.02
 
 # largest number of samples of a curve for the choice of a backbone, evenly spread along the curve
@@ -55,8 +59,8 @@ def choose_backbone(
     quantities: Mapping[str, Quantity],
     progress: Progress = lambda _done, _total: None,
 ) -> BackboneChoice:
-    """Choose one of the `possible_backbones` by the prediction errors at left-out inner levels of
-    the training data.
+    """Choose one of the `possible_backbones`. The criterion is the prediction error at inner levels
+    of the training data that are left out of the fit.
     """
     names = possible_backbones(curves, recipe.target)
     part = "block" if recipe.level is None else "level"
@@ -95,8 +99,9 @@ def choose_backbone(
 
 
 def possible_backbones(curves: Sequence[Curve], target: str) -> tuple[str | None, ...]:
-    """Return the names of all static formulas that can be fitted to the target because the curves
-    have their inputs. None, which stands for no backbone, comes first.
+    """Return the names of all static formulas that can be the backbone. The inputs of such a
+    formula are among the quantities of the curves. The first element of the result is None, for no
+    backbone.
     """
     known = {name for name in curves[0].columns if name != target}
     usable = [
@@ -108,9 +113,9 @@ def possible_backbones(curves: Sequence[Curve], target: str) -> tuple[str | None
 
 
 def simplest_backbone(errors: Mapping[str | None, float]) -> str | None:
-    """Return the formula with the fewest parameters among all formulas whose error is within
-    `MARGIN` of the smallest error. If several have the same number of parameters, return the one
-    with the smallest error.
+    """Return the name of the chosen backbone. Among all candidates whose error is within `MARGIN`
+    of the smallest error, it has the fewest parameters. If several have the same number of
+    parameters, return the candidate with the smallest error.
     """
     near = [name for name, error in errors.items() if error <= (1 + MARGIN) * min(errors.values())]
 
@@ -121,8 +126,8 @@ def simplest_backbone(errors: Mapping[str | None, float]) -> str | None:
 
 
 def thin(curve: Curve, along: str | None) -> Curve:
-    """Return at most `SAMPLES` training samples of a curve, evenly spread in the order of a
-    variable, without the held-out samples.
+    """Return a curve with at most `SAMPLES` of the training samples, evenly spread in the order of
+    the variable `along`. Held-out samples are removed.
     """
     rows = np.flatnonzero(curve.training)
     if along is not None:

@@ -60,7 +60,8 @@ def segment(
     Raises DataError if a segment holds no sample, or if a curve has too few samples for the cut.
     """
     terms = [candidate(text) for text in recipe.dictionary]
-    # a robust loss gives each segment different weights, so that errors could not be compared
+    # Boundaries are always compared by the errors of least-squares fits, even with a robust loss.
+    # The weights of a robust fit depend on the boundaries, so that errors are not comparable.
     recipe = replace(recipe, fit=replace(recipe.fit, loss="squares", scale="auto"))
     recipes = [recipe, *(replace(recipe, target=name) for name in also)]
     training = training_curves(curves, recipe.level is not None)
@@ -118,8 +119,9 @@ def _labels_of_curves(
     rows: Rows, curves: Sequence[Curve], curve: Curve, pooled: bool
 ) -> IntArray | None:
     """Return a label for each sample, shape (n,). Residuals of samples with the same label may be
-    correlated. If several curves are pooled, the label is the curve of the sample; otherwise, it is
-    the recording. Return None if all samples have the same label.
+    correlated. If several curves are pooled into one surface, samples of the same curve have the
+    same label; otherwise, samples of the same recording have the same label. Return None if all
+    samples would have the same label.
     """
     if pooled:
         ends = np.cumsum([curve.size for curve in curves])
@@ -136,10 +138,11 @@ def fuse(
     recipe: Recipe,
     quantities: Mapping[str, Quantity],
 ) -> Model:
-    """Join the segment functions to a model, with the curves in the order of their levels.
+    """Join the segment functions into one model. Its curves are in the order of their levels.
 
-    If there is a backbone, this function joins the fitted residual in its full size, also between
-    levels. Later, `residual_share` chooses the factor by which it is reduced between levels.
+    If there is a backbone, the segment functions describe the residual of the backbone. Here, this
+    residual is added in full, also between levels. Later, `residual_share` chooses a factor that
+    reduces the residual between levels.
     """
     backbone = result.backbone
     level = recipe.level

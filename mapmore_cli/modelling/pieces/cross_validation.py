@@ -23,8 +23,8 @@ from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Cuts, Recipe
 from mapmore_cli.modelling.pieces.segment_fit import quantities_in
 
-# number of contiguous blocks of a curve or a surface, if there are too few levels to leave one out
-# Each inner block is left out once.
+# With too few levels to leave one out, each curve is divided into this number of blocks.
+# Each of the inner blocks of a curve is left out of one fit.
 BLOCKS = 5
 
 Folds = list[tuple[BoolArray, ...]]
@@ -36,11 +36,11 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class LeftOutErrors:
-    """Measured and predicted values of every training sample that was left out once, shape (n,)
-    each.
+    """Measured and predicted values of the training samples that were left out of a fit in turn,
+    shape (n,) each.
 
-    The predictions are from a fit without the sample. A prediction is the sum of `backbone` and
-    of `residual`, which is the output of the pieces.
+    Each sample is predicted by a model that was fitted without this sample. The prediction is the
+    sum of `backbone` and `residual`, which is the output of the pieces.
     """
 
     measured: Array
@@ -117,8 +117,8 @@ def _of_fold(
 
 
 def _of_fewer_samples(recipe: Recipe) -> Recipe:
-    """Return the recipe for fits without one fold. In such fits, segments with too few remaining
-    samples are joined with their neighbours.
+    """Return the settings for fits in which one fold is left out. Segments in which too few samples
+    remain are then joined with their neighbours.
     """
     cuts = dict(recipe.cuts)
     least = recipe.fit.max_terms + 1
@@ -138,15 +138,16 @@ def inner_level_count(curves: Sequence[Curve], recipe: Recipe) -> int:
 
 
 def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    """Return the folds. Each fold leaves out data that lie between other data.
+    """Return the folds of a cross-validation. Each fold leaves out data that lie between other
+    data, so that the model need not extrapolate.
 
-    - Each inner level is a fold, because a residual that is fitted level by level can increase
-      errors between levels.
+    - With three training levels or more, each inner level is a fold. In this way, the errors
+      between levels are tested, which a residual that is fitted level by level can increase.
     - With fewer than three training levels, each inner block of the curves along the segmented
       variable is a fold.
-    - For curves that are pooled into one surface, each inner block of the curves is a fold, and
-      each inner level if the curves have levels. A single curve, for example a table, has inner
-      blocks along every input of the surface.
+    - If curves are pooled into one surface, each inner block of the curves is a fold. If these
+      curves have levels, each inner level is a further fold. A single curve, for example a table,
+      is divided into blocks along every input of the surface, and each inner block is a fold.
     """
     return [fold for along in _folds_along(curves, recipe) for fold in along[1:-1]]
 
@@ -175,8 +176,8 @@ def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
 
 
 def blocks_in(curves: Sequence[Curve], recipe: Recipe) -> Folds:
-    """Return folds that consist of the blocks of each curve along the segmented variable, in
-    ascending order.
+    """Return one fold for each of the `BLOCKS` blocks, in ascending order. The fold leaves out this
+    block of every curve. Blocks are contiguous parts of a curve along the segmented variable.
     """
     along = in_curve(curves, tuple(recipe.cuts), recipe.target, recipe.level)
     every = [tuple(block(curve, along, number) for curve in curves) for number in range(BLOCKS)]
@@ -184,10 +185,12 @@ def blocks_in(curves: Sequence[Curve], recipe: Recipe) -> Folds:
 
 
 def repeats_left_out(curves: Sequence[Curve]) -> Folds:
-    """Return the folds for a study that holds out repeated recordings: recordings at levels at
-    which it also has training recordings. Each fold leaves out one training recording of every
-    curve. For any other study, and if each curve has only one training recording, there are no
-    folds.
+    """Return folds that leave out repeated recordings: each fold leaves out one training recording
+    of every curve that has several.
+
+    There are such folds only if the study itself holds out repeated recordings, that is, recordings
+    at levels with other recordings for training. Otherwise, and if each curve has only one training
+    recording, the result is empty.
     """
     trained = [[rows for rows in curve.stretches if curve.training[rows].any()] for curve in curves]
     if not any(

@@ -151,9 +151,10 @@ def _segment_function(
     names: Sequence[str],
     straight: Sequence[str],
 ) -> str:
-    """Write a segment as a function of the program, and return the name of the function. Its
-    arguments are the inputs `names`, which are held at the limits of the curve, and then, without
-    these limits, the inputs along which the curve continues as a straight line (`straight`).
+    """Write a segment as a function of the program, and return the name of the function. Its first
+    arguments are the inputs `names`, limited to the range of the curve. Further arguments are the
+    inputs in `straight`, along which the curve continues as a straight line outside its range;
+    these are not limited.
     """
     held, asked = (
         {name: Name(m.fresh(f"at_{name}")) for name in some} for some in (names, straight)
@@ -234,8 +235,9 @@ def zones_of(curve: CurveFunction, body: Pieces) -> dict[str, tuple[Array, Array
 def _side_conditions(
     x: Expression, limits: Ends, sides: tuple[Side, Side]
 ) -> tuple[tuple[Condition, Side, float], ...]:
-    """Return three values for the lower and for the upper side of an input: the condition that the
-    input lies outside the limit, the extrapolation, and the limit.
+    """Return the conditions for the lower and for the upper side of an input, as two tuples of
+    three values: the condition that the input lies outside the limit, the extrapolation on this
+    side, and the limit.
     """
     return ((x < limits[0], sides[0], limits[0]), (x > limits[1], sides[1], limits[1]))
 
@@ -246,9 +248,9 @@ def _held_places(
     sides: tuple[Side, Side],
     words: Sequence[str] = ("saturate", "continue_linear"),
 ) -> list[tuple[Condition, Expression]]:
-    """Return the conditions under which the extrapolation function E (M2 eq 12) replaces an input
-    by a constant. Each condition comes with its constant, which is a limit or a value from the
-    spec.
+    """Return the cases in which the extrapolation function E (M2 eq 12) replaces an input by a
+    constant. Each case consists of the condition that the input lies outside a limit, and the
+    constant. The constant is the limit, or a value from the spec.
     """
     held = [
         (beyond, side if isinstance(side, float) else end if side in words else None)
@@ -260,8 +262,9 @@ def _held_places(
 def _beyond_with(
     x: Expression, limits: Ends, sides: tuple[Side, Side], word: str
 ) -> list[tuple[Condition, Expression]]:
-    """Return, for each side whose extrapolation is `word`, the condition that x lies outside the
-    limit, and the distance of x from the limit.
+    """Return the sides of an input x on which the extrapolation is `word`, for example `zero`. For
+    each of these sides, return the condition that x lies outside the limit, and the distance of x
+    from the limit.
     """
     return [
         (beyond, x - end)
@@ -277,10 +280,10 @@ def _reached(
     range of the segment's samples, extended by z_s times the width of this range.
 
     The limits are needed because a transition zone covers the fraction z_s of the widths of *both*
-    segments (M2 eq 10 and 11). Beside a wide segment, the function of a narrow segment would be
-    evaluated several times its own width away from its samples, where a polynomial takes extreme
-    values. Limits that no transition zone reaches are left out. At the outer ends of a curve,
-    `extrapolation` applies instead.
+    segments (M2 eq 10 and 11). Without limits, the function of a narrow segment beside a wide
+    segment would be evaluated far outside its samples, at a distance of several times its own
+    width. A polynomial takes extreme values there. Limits that no transition zone reaches are left
+    out. At the outer ends of a curve, `extrapolation` applies instead.
     """
     held = {}
     for name, (below, above) in held_between(segment, curve, body).items():
@@ -292,8 +295,9 @@ def _reached(
 def held_between(
     segment: SegmentFunction, curve: CurveFunction, body: Pieces
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Return, for each variable, the two limits outside which a segment function is constant; None
-    for a side without a limit. With `hold: none`, the mapping is empty.
+    """Return the lower and the upper limit of each variable, outside which a segment function is
+    constant. A limit is None if the function is not limited on this side. With `hold: none`, the
+    mapping is empty.
     """
     if body.fusion.hold == "none":
         return {}
@@ -317,8 +321,8 @@ def pieces_program(body: Pieces, names: Sequence[str]) -> Program:
 
 
 def rule_of_weights(body: Pieces) -> str:
-    """Return a sentence that says how weights rise and fall along one variable (M2 eq 10 and
-    11).
+    """Return a sentence about the transition zones: how the weights of two neighbouring segments
+    change along one variable (M2 eq 10 and 11).
     """
     fusion = body.fusion
     return (

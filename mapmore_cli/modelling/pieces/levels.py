@@ -41,8 +41,8 @@ def across_levels(
     last = len(levels) - 1
 
     def values(i: int) -> dict[int, Expression]:
-        """Write the values of the curves on which the value between levels i and i + 1 depends: i
-        and i + 1, and, with `pchip`, their neighbours on both sides.
+        """Write the values of the curves that are needed between the levels i and i + 1. These are
+        the curves i and i + 1, and with `pchip` also the next curve on either side.
         """
         reach = 0 if interpolation == "linear" else 1
         numbers = range(max(i - reach, 0), min(i + 1 + reach, last) + 1)
@@ -86,8 +86,9 @@ def _between(
     values: Callable[[int], dict[int, Expression]],
     interpolation: str,
 ) -> tuple[Expression, Expression]:
-    """Write the interpolant between the levels i and i + 1, and return it together with the
-    position t of the sample between them. `values` writes the values of the curves that are needed.
+    """Write the interpolation between the levels i and i + 1. Return its value, and the position t
+    of the sample between both levels, from 0 to 1. `values` writes the values of the curves that
+    are needed.
     """
     width = levels[i + 1] - levels[i]
     t = m.let("t", (level - levels[i]) / width)
@@ -107,13 +108,12 @@ def _between(
 def _slope(
     m: Writer, levels: Sequence[float], f: Mapping[int, Expression], number: int
 ) -> Expression:
-    """Write the derivative of the interpolant with respect to the level, at one of the levels, from
-    the values of the curves nearby.
-
-    With two curves, it is the slope of the line between them. At an inner level, it is the weighted
-    harmonic mean of the slopes to both neighbours, or zero if these slopes differ in sign. At the
-    lowest and the highest level, it is a three-point difference, limited so that the interpolant
-    stays monotone.
+    """Write the derivative of the interpolant with respect to the level, at level `number`. It is
+    computed from the values `f` of the curves at this level and at neighbouring levels. With two
+    curves, the derivative is the slope of the line between them. At an inner level, the derivative
+    is the weighted harmonic mean of the slopes to both neighbours, or zero if these slopes differ
+    in sign. At the lowest and the highest level, the derivative is a three-point difference,
+    limited so that the interpolant stays monotone.
     """
     h = [levels[j] - levels[i] for i, j in pairwise(f)]
     delta = [
@@ -166,8 +166,8 @@ def _end_slope(m: Writer) -> str:
 
 
 def rule_of_levels(body: Pieces) -> str:
-    """Return the rule for values between two levels in words. `across_levels` writes this rule as
-    statements.
+    """Return a text for the reader of a model: how its output between two levels is computed from
+    the curves at these levels. `across_levels` writes the same rule as statements.
     """
     between = "(1 - t) times the lower curve plus t times the upper"
     if body.fusion.levels == "pchip":

@@ -58,8 +58,8 @@ def _ready(body: Pieces, names: tuple[str, ...]) -> Callable[[Columns], list[Arr
 def _weight(
     segment: SegmentFunction, curve: CurveFunction, body: Pieces, units: Mapping[str, float]
 ) -> str:
-    """Return a text that says at which values of the inputs the weight of a segment rises and
-    falls, and outside which values the segment function is constant.
+    """Return a text about one segment: at which values of the inputs its weight rises and falls,
+    and outside which values its function is constant.
     """
     words = []
     held = held_between(segment, curve, body)
@@ -155,7 +155,7 @@ class PiecesVerbs(Verbs):
         )
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Yield the faults of a stored model that would not show in its predictions."""
+        """Yield a sentence for each fault of a stored model that its predictions would not show."""
         levels = np.array([curve.level for curve in model.body_of(Pieces).curves], dtype=np.float64)
         if model.level is not None and not (
             np.isfinite(levels).all() and (np.diff(levels) > 0).all()

@@ -1,7 +1,8 @@
-"""Scale the coordinates of a segment (M1 step 1, M2 (i)).
+"""Scale the inputs and the output of a segment (M1 step 1, M2 (i)).
 
-Here are the rules of scaling, and the anchor of the rule `unit_square`. The anchor is computed from
-several samples, so that it does not depend on a single sample.
+With the rule `unit_square`, the origin of the scaled coordinates lies on the curve, at one end of
+the range of each input. This point is called the anchor. Its output is computed from several
+samples, so that the scaling does not depend on the noise of a single sample.
 """
 
 from __future__ import annotations
@@ -16,14 +17,15 @@ from mapmore_cli.domain.arrays import Array, extremes
 from mapmore_cli.domain.fits import Scaling
 from mapmore_cli.modelling.signals.sampling import even_share
 
-# the end of the trend is computed from this fraction of the samples of a segment
+# The output at the anchor is computed from this fraction of all samples, the nearest ones.
 END_FRACTION = 0.05
-FEWEST = 3  # smallest number of samples from which the end of the trend is computed
-# with more variables, only two of the `2^v` corners are tried as origins: all left and all right
+FEWEST = 3  # smallest number of samples from which the output at the anchor is computed
+# Up to this number v of inputs, all `2^v` corners of their ranges are tried as the anchor.
+# With more than 3 inputs, two corners are tried: the left ends and the right ends of all inputs.
 EVERY_CORNER_UP_TO = 3
-# singular values of the parabola's fit below this fraction of the largest one count as zero
+# In the fit of the parabola, singular values below this fraction of the largest are set to zero.
 FLAT = 1e-3
-ALIKE = 1e-12  # relative difference up to which weights count as equal
+ALIKE = 1e-12  # weights with a smaller relative difference are treated as equal
 EXTRA = 1  # If weights are not equal, the parabola is fitted to this number of additional samples.
 ROUNDING = 1e-9  # relative rounding error of a sum of weights
 
@@ -38,10 +40,11 @@ def placements(
     """Return all scalings of the samples of v `inputs` and of `y`, (n,) each, that the `rule`
     allows. The caller chooses the scaling with the smallest error.
 
-    - `unit_square`: x and y span one unit, and the trend passes through the origin. The origin lies
-      at the left or at the right end of each variable, so that scaled data lie in [0, 1] or
-      [-1, 0]. The two ends give different one-term fits. For a falling curve, a power with its
-      origin on the left is concave, and a power with its origin on the right is convex.
+    - `unit_square`: the ranges of x and y have the width 1, and the curve passes through the
+      origin. The origin lies at the left or at the right end of each variable, so that scaled data
+      lie in [0, 1] or [-1, 0]. The two ends give different one-term fits. For a falling curve, a
+      power with its origin on the left is concave, and a power with its origin on the right is
+      convex.
     - `max_abs`: division by the largest magnitude, no offset.
     - `none`: no scaling.
 
@@ -86,22 +89,26 @@ def _anchored(
 
 
 def span(width: ArrayLike) -> Array:
-    """Return the widths of the ranges of variables, by which they are divided in scaling. For a
-    constant variable, the width is set to one.
+    """Return the widths by which variables are divided when they are scaled. A width of zero, which
+    belongs to a constant variable, is replaced by one.
     """
     return np.where(np.asarray(width) > 0, width, 1.0)
 
 
 def end_of_trend(away: Array, y: Array, weights: Array) -> float:
-    """Return the mean of the trend of `y`, (n,), at the 5 % of the samples that are nearest to the
-    anchor. `away`, (v, n), holds the distances from the anchor in scaled coordinates.
+    """Return the output at the anchor, averaged over the 5 % of the samples that are nearest to the
+    anchor. `y`, (n,), is the output of the samples. `away`, (v, n), holds the distances of the
+    samples from the anchor in scaled coordinates.
 
-    If these are three or more samples with equal weights, the result is their mean. Otherwise, the
-    trend is a parabola that is fitted by weighted least squares. It is fitted to the nearest
-    samples whose total weight is that of 5 % of the samples, and at least that of three samples. A
-    sample with a small weight then has little influence, even if the trend is steep. Equal rows
-    count as one sample with the sum of their weights. All samples at the same distance count, so
-    that the order of rows does not matter.
+    If the 5 % are three or more samples with equal weights, the mean of their measured values is
+    used. Otherwise, a parabola is fitted by weighted least squares, and its mean at these samples
+    is used. The parabola is fitted to the nearest samples whose total weight is that of 5 % of the
+    samples, and at least that of three samples. A sample with a small weight then has little
+    influence, even if the curve is steep.
+
+    Samples with equal values are merged into one sample with the sum of their weights. Samples at
+    the same distance are used together or not at all, so that the order of the rows has no
+    influence.
     """
     far = np.abs(away).max(axis=0)
     order = np.lexsort([y, *away, far])

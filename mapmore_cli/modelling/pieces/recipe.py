@@ -65,7 +65,7 @@ class Cuts(Settings):
 
     @property
     def segments(self) -> int:
-        """The value of `count`. It must not be None, because the method needs it."""
+        """Number of segments, `count`. It must not be None; the methods that use it require it."""
         assert self.count is not None
         return self.count
 
@@ -80,8 +80,8 @@ class Cuts(Settings):
         return self.method in ("even", "breakpoints")
 
     def __post_init__(self) -> None:
-        """Raise an error if a key is given that the method does not use, or if a key is missing
-        that it needs.
+        """Raise an error if the method does not use a given key, or if it needs a key that is
+        missing.
         """
         needed = USES[self.method][0]
         if getattr(self, needed) is None:
@@ -112,8 +112,8 @@ class CutByDirection(Settings):
     """Separate segments for rising and falling motion.
 
     - `of`: The rate whose sign decides. Example: `strain_rate`
-    - `dead_band`: Largest absolute rate that counts as no motion; the last direction is then kept.
-      Example: `0.002`
+    - `dead_band`: Largest absolute rate that is treated as no motion; the last direction is then
+      kept. Example: `0.002`
     """
 
     of: str
@@ -144,8 +144,8 @@ class BelowAbove(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Fuse(Joining):
-    """Rules for joining pieces (M2 eq 9-12). A model with memory has no pieces, so that it refuses
-    the keys of this section.
+    """Rules for joining pieces (M2 eq 9-12). A model with memory has no pieces, so that the keys of
+    this section are refused.
 
     - `extrapolation`: What the model does outside the range of each curve (M2 eq 12): one word for
       all variables, or a mapping from each variable to a word or to `{below, above}`. The default

@@ -13,12 +13,11 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.pieces.recipe import Recipe
 
-# distance outside all samples at which a piece is evaluated, as a fraction of each input's range
+# Pieces are evaluated up to this fraction of the range of an input beyond both ends of the range.
 REACH = 0.1
-# a value counts as extreme if its distance from the middle of the output's range is larger than
-# this multiple of the range
+# An output is extreme if its distance from the middle of the measured range exceeds 1.5 ranges.
 ASTRAY = 1.5
-LOOKED_AT = 400  # largest number of samples, moved outwards, at which pieces are evaluated
+LOOKED_AT = 400  # largest number of samples at which pieces are evaluated
 
 
 def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tuple[str, ...]:

@@ -102,8 +102,9 @@ def with_trusted_residual(
 def _helps_at_levels(
     curves: Sequence[Curve], recipe: Recipe, quantities: Mapping[str, Quantity], backbone: str
 ) -> bool:
-    """Return True if the residual improves the predictions of left-out data at the levels. The data
-    left out are repeats, or inner blocks of the curves if the study holds out no repeats.
+    """Return True if the residual of the backbone improves the predictions of left-out data at the
+    levels themselves. If the study holds out repeated recordings, each fold leaves out repeated
+    recordings. Otherwise, each fold leaves out an inner block of every curve.
     """
     parts = repeats_left_out(curves) or blocks_in(curves, recipe)[1:-1]
     left_out = leave_out(curves, recipe, quantities, backbone, parts)
@@ -111,8 +112,8 @@ def _helps_at_levels(
 
 
 def _times(body: Pieces, share: float) -> Pieces:
-    """Return the pieces with their output multiplied by `share`. `share` is multiplied into the
-    scalings of the segments. If it is zero, all segments are removed.
+    """Multiply the output of the pieces by `share`, and return the pieces. The factor is included
+    in the scaling of each segment. If it is zero, all segments are removed.
     """
 
     def multiplied(segment: SegmentFunction) -> SegmentFunction:

@@ -73,9 +73,10 @@ def fit_together(
     recipes: Sequence[Recipe],
     origin: IntArray | None = None,
 ) -> tuple[SegmentFit, ...]:
-    """Choose and fit the terms of one segment at its best placement (`placement.placements`).
-    `columns` holds the columns of the segment's curve. The `recipes` differ only in their targets,
-    which share terms and placement.
+    """Choose the scaling and the terms of one segment, and fit the coefficients. The possible
+    scalings are those of `placement.placements`. `columns` holds the columns of the segment's
+    curve. The `recipes` differ only in their targets. All targets have the same terms and the same
+    origin of the scaled inputs.
 
     `origin`, shape (n,), has a label for each row of the segment. Residuals with the same label are
     treated as correlated.
@@ -94,12 +95,11 @@ def best_placement(
     recipes: Sequence[Recipe],
     origin: IntArray | None = None,
 ) -> Placed:
-    """Return the placement with the smallest training SSE, and the terms that were chosen for it.
-    If several placements are equally good, the first is returned.
-
-    All placements scale y by the same factor (`y_slope`), so that their scaled SSE can be compared.
-    If there are at most a million rows, they are sorted first, so that the result does not depend
-    on the order in which they were recorded.
+    """Return the scaling with the smallest sum of squared training residuals (SSE), and the terms
+    that were chosen in these scaled coordinates. If several scalings are equally good, the first is
+    returned. All scalings divide y by the same number (`y_slope`), so that their SSE can be
+    compared. If there are at most a million rows, they are sorted first, so that the result does
+    not depend on the order in which they were recorded.
     """
     recipe, n = recipes[0], len(segment.rows)
     most = min(recipe.fit.max_terms, len(terms))
@@ -113,7 +113,8 @@ def best_placement(
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, each, origin) for each in recipes]
     robust = recipe.fit.loss != "squares"
-    # robust weights differ between placements, so the scale of residuals is compared, not the SSE
+    # With a robust loss, the weights of the samples depend on how the inputs are scaled.
+    # Scalings are then compared by the scale of the residuals instead of a weighted sum of squares.
     missed = "scale" if robust else "sse"
     ends = {
         name: np.array(extremes(x)) for name, x in zip(variables, outputs[0].inputs, strict=True)
@@ -142,11 +143,11 @@ def best_placement(
         left = sum(getattr(choice.selection, missed) for choice in choices)
         if best is None or left < least * (1 - TIE_TOLERANCE):
             least, best = left, (texts, scalings, choices)
-    assert best is not None  # there is at least one placement
+    assert best is not None  # there is at least one possible scaling
     return best
 
 
-# number of samples per term in the fit that finds outliers
+# smallest number of samples per term in the fit that finds outliers
 SAMPLES_PER_TERM = 3
 
 
@@ -161,8 +162,8 @@ class _Samples:
     def placements(
         self, recipe: Recipe, variables: Sequence[str], robust: Array | None = None
     ) -> tuple[Scaling, ...]:
-        """Return all scalings. Samples are weighted by their uncertainty and by the `robust`
-        weights.
+        """Return all possible scalings of the samples. The weight of a sample follows from its
+        uncertainty and from its `robust` weight.
         """
         sigma = self.weighing.sigma
         weights = robust
@@ -173,7 +174,9 @@ class _Samples:
     def blocks(
         self, terms: Sequence[Expression], scaling: Scaling
     ) -> Iterator[tuple[Array, Array]]:
-        """Yield the values of the terms and of the output in scaled coordinates, block by block."""
+        """Yield the values of the terms and of the output, block of rows by block of rows. Both are
+        computed in scaled coordinates.
+        """
         block_of = dictionary_block(terms)
         for rows in row_blocks(len(self.y)):
             z, target = self.scaled(rows, scaling)
@@ -182,7 +185,9 @@ class _Samples:
                 give_back(column)
 
     def scaled(self, rows: slice, scaling: Scaling) -> tuple[dict[str, Array], Array]:
-        """Return the inputs by name and the output, for some of the rows, in scaled coordinates."""
+        """Return the inputs by name, and the output, at some of the rows. All are in scaled
+        coordinates.
+        """
         inputs = {name: x[rows] for name, x in zip(scaling.variables, self.inputs, strict=True)}
         return scaled_inputs(scaling, inputs), (
             self.y[rows] - scaling.y_intercept
@@ -225,15 +230,15 @@ def _robust(
     recipe: Recipe,
     place: int,
 ) -> tuple[Sequence[Scaling], Sequence[Choice]]:
-    """Choose a placement and terms that do not depend on single outliers.
+    """Choose a scaling and terms that do not depend on single outliers.
 
     Outliers are found by two robust fits with a free constant. One fit has as many terms as the
     segment, and the other has so many terms that it follows the curve closely. An outlier that
-    pulls a fit towards itself is found by a further fit, which leaves this sample out.
-
-    The residuals of each fit give the samples weights, which determine the placement. The terms are
-    then chosen twice, starting with these weights or with equal weights. Of all results, the one
-    with the smallest scale of the residuals is used.
+    pulls a fit towards itself has a small residual. It is found by a further fit, which leaves this
+    sample out. The weights of the samples follow from the residuals of each fit, and the scaling
+    follows from the weights. In each scaling, the terms are chosen twice: the robust fit begins
+    with these weights, or with equal weights. The result with the smallest scale of the residuals
+    is used.
     """
     free = [*terms, parse("1")]
     n = len(outputs[0].y)
@@ -298,5 +303,6 @@ def _chosen_terms(
     z, target = outputs[0].scaled(slice(0, n), scalings[0])
     P = dictionary_matrix(terms, z, n)
     choice = choose(P, target, stopping, weighings[0])
-    # `only` does not refer to P, so that a wide dictionary is released before the next is built
+    # The function `only` is replaced by a function that does not refer to the matrix P.
+    # The memory of a wide matrix P is then released before the next matrix is built.
     return (replace(choice, only=problems[0].of),)

@@ -30,9 +30,10 @@ from mapmore_cli.modelling.frols.remainders import TIE_TOLERANCE
 from mapmore_cli.modelling.pieces.recipe import CELLS, Cut, CutByDirection, Cuts
 from mapmore_cli.modelling.signals.rates import STEPS, running_median
 
-# width over which slopes are computed, and smallest distance of two bends (fraction of the range)
+# A slope is computed in a window with this fraction of the range of the curve as its width.
+# With `method: gradient`, two boundaries are at least one such window apart.
 WINDOW = 0.1
-# Because of rounding errors, two bends may be closer than their smallest distance by this fraction.
+# The smallest distance of two boundaries is reduced by this fraction because of rounding errors.
 ROUNDING = 1e-9
 # smallest number of samples in a segment, so that a gap in a curve gets no segment of its own
 FEWEST_SAMPLES = 5
@@ -43,7 +44,8 @@ def gradient_boundaries(x: Array, y: Array, count: int) -> Array:
     slope of the curve changes most. The samples, (n,), may be in any order.
 
     Each boundary is at least one window away from the others and from the ends of the range, and
-    each segment holds enough samples. If there are too few such places, there are fewer boundaries.
+    each segment has at least `FEWEST_SAMPLES` samples. If too few places satisfy these conditions,
+    fewer boundaries are returned.
     """
     from scipy.signal import find_peaks
 
@@ -68,9 +70,10 @@ def slope_change(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     """Return places along a curve and the change of slope at each place, shape (m,) each. The
     change is the slope to the right minus the slope to the left.
 
-    A slope is that of the line between two moving averages, at the place and one window away from
-    it. Near the ends of the curve, windows are shorter. x and y are averaged over the same samples,
-    so that a straight line stays straight.
+    Each slope is that of a straight line through two points of the smoothed curve: the point at the
+    place, and the point one window to the right or to the left. Near the ends of the curve, windows
+    are shorter. The curve is smoothed by a moving average of x and y over the same samples, so that
+    a straight line stays straight.
     """
     at, smooth = running_median(x, y, window)
     here = np.arange(len(at))
@@ -159,8 +162,8 @@ def cut_points(
     """Return the segment boundaries `seg_i` of one variable over the range of the training samples,
     including both ends, shape (count + 1,).
 
-    Breakpoints outside the range of the curve are left out. For example, a curve at a low pressure
-    ends at a smaller strain than the others.
+    Breakpoints outside the range of the curve are left out. This happens, for example, for a curve
+    at a low pressure, which ends at a smaller strain than the others.
     """
     if isinstance(cut, CutByDirection):
         return np.array([-1.0, 0.0, 1.0])
@@ -196,7 +199,7 @@ def joined_segments(boundaries: Array, x: Array, least: int, training: BoolArray
 
     The segment with the fewest samples is joined with the neighbour that has fewer samples, or with
     the left neighbour if both have the same number. This is repeated until every segment has enough
-    samples. It is needed because parts of a curve may have few samples.
+    samples. Segments must be joined because some parts of a curve may have few samples.
     """
     kept = boundaries.tolist()
     while len(kept) > 2:

@@ -31,7 +31,7 @@ from mapmore_cli.modelling.shape.stencils import asked_of
 from mapmore_cli.modelling.shape.support import refuse_unsupported
 from mapmore_cli.modelling.shape.violations import verified, with_shape
 
-# step of a coefficient for numerical derivatives (see `Exchange`)
+# change of a coefficient in a difference quotient (see `step` of the class `Exchange`)
 STEPS = {"linear": 1.0, "pchip": 1e-4}
 
 
@@ -119,8 +119,8 @@ def _with_coefficients(body: Pieces, theta: Array) -> Pieces:
 
 
 def _of_coefficients(body: Pieces, names: Sequence[str]) -> Pieces:
-    """Return the pieces with inputs in place of coefficients. Each term becomes `name*term` with
-    the coefficient one, and `name` from `names` is a new input.
+    """Return the pieces with their coefficients as further inputs. Each term becomes `name*term`
+    with the coefficient 1, and its `name` in `names` is a new input.
     """
     left = iter(names)
     everywhere = dict.fromkeys(names, (-1e300, 1e300))

@@ -1,8 +1,9 @@
 """Extend a program by the derivatives of its results. After every statement, statements for its
 derivatives are added, by the chain rule on the syntax trees.
 
-At a boundary between two cases of a branch, the derivative of the case that holds there is used. A
-case that holds at a single point only (`==`) has no derivative and is left out.
+At a boundary between two cases of a branch, the derivative is that of the case whose condition is
+true at the boundary. A case whose condition is true at a single point only (`==`) has no derivative
+and is left out.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from mapmore_cli.modelling.program.values import INPUT
 from mapmore_cli.modelling.program.writing import pruned, pruned_block
 
 Slopes = tuple[Expression, ...]  # derivatives of one value with respect to each variable
-FUNCTION = "{}_slopes"  # name of the function that also returns derivatives
+FUNCTION = "{}_slopes"  # name of the function that returns the value of `{}` and its derivatives
 
 
 def with_slopes(model: Program) -> Program:
@@ -79,8 +80,9 @@ def _with_slopes(block: Block, names: Sequence[str]) -> Block:
 
 
 def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> Block:
-    """Return a block whose results are the original results, followed by their derivatives.
-    `slopes` holds the derivatives of names that are defined outside the block.
+    """Return a block whose results are the original results, followed by their derivatives with
+    respect to `count` variables. `slopes` holds the derivatives of names that are defined outside
+    the block.
     """
     known, statements = dict(slopes), list[Statement]()
     for statement in block.statements:
@@ -112,8 +114,8 @@ def _block_with_slopes(block: Block, slopes: dict[str, Slopes], count: int) -> B
 
 
 def _choice_with_slopes(choice: Choose, known: dict[str, Slopes], count: int) -> Choose:
-    """Return a branch statement that also computes the derivatives of its results, and add the
-    names of these derivatives to `known`.
+    """Return a branch statement that computes its results and their derivatives. The names of the
+    derivatives are added to `known`.
     """
     names = (*choice.names, *(f"{name}_d{way}" for name in choice.names for way in range(count)))
     known.update(

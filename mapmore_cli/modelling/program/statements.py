@@ -80,8 +80,8 @@ class Keep:
 
 @dataclass(frozen=True)
 class Queue:
-    """Statement that appends `value` to a queue. The queue keeps as many values as its `Recall`
-    with the most steps needs.
+    """Statement that appends `value` to a queue of past values. Older values than the statements
+    `Recall` of this queue need are removed.
     """
 
     queue: str
@@ -105,13 +105,16 @@ class Function:
 
 @dataclass(frozen=True)
 class InputLimit:
-    """Training range of one input of a model, or of a model inside a sum. `value` is this input as
-    an expression of the `inputs` of the whole model. The `inputs` are outside the training range if
-    `value` is outside.
+    """Training range of one input of a model. For a sum, this may be an input of one of its
+    summands.
 
-    If the range depends on a level, `at` is the expression of the level, and `low` and `high`,
-    (L,), are interpolated linearly between the `levels`, (L,). Otherwise, `at` is None, and there
-    is only one range.
+    `value` is the expression of this input, and `inputs` are the names of the inputs of the whole
+    model on which the expression depends. A prediction extrapolates if `value` is outside its
+    range.
+
+    If the range depends on a level, `at` is the expression of the level. The ends of the range,
+    `low` and `high`, (L,), are then interpolated linearly between the `levels`, (L,). Otherwise,
+    `at` is None, and there is only one range.
     """
 
     inputs: frozenset[str]

@@ -215,8 +215,8 @@ def _ready_condition(condition: Condition, known: Known) -> Test:
 
 
 def _places_by(conditions: Sequence[Test]) -> Places:
-    """Return a function that yields the rows for which each case applies. It tests the conditions
-    one after the other until all rows are assigned.
+    """Return a function that yields, for each case of a branch, the rows to which this case
+    applies. The conditions are tested one after the other until a case is found for every row.
     """
 
     def places(values: Values, shared: Shared, n: int) -> Iterator[tuple[int, IntArray]]:
@@ -238,13 +238,14 @@ MANY = 16
 
 
 def _places_along(choice: Choose, known: Known) -> Places | None:
-    """Return a function that finds the rows of each case by bisection, if there are many cases that
-    all compare the same value with numbers; otherwise return None. With bisection, the time does
-    not grow with the square of the number of levels.
+    """Return a function that yields, for each case of a branch, the rows to which this case
+    applies. The case of each row is found by bisection, so that the time does not grow with the
+    square of the number of cases. Return None if there are few cases, or if the cases do not all
+    compare the same value with a number.
 
-    The first case that holds applies. Therefore, a case `x < 3` has no effect after a case `x < 5`.
-    Without such cases, the numbers are in ascending order (in descending order for `>`), so that
-    bisection finds the first case that holds.
+    The first case whose condition is true applies. Therefore, a case `x < 3` has no effect after a
+    case `x < 5`. If such cases are removed, the numbers are in ascending order (in descending order
+    for `>`), and bisection finds the first true condition.
     """
     conditions = [condition for condition, _ in choice.cases]
     along = {condition.left for condition in conditions}
@@ -274,9 +275,13 @@ def _places_along(choice: Choose, known: Known) -> Places | None:
 def _first_that_holds(
     comparison: str, places: IntArray, numbers: Array
 ) -> Callable[[Array], IntArray]:
-    """Return a function of values x, shape (n,). For each x, it returns the first of the `places`
-    (in ascending order) whose number satisfies the comparison with x. If no number satisfies it,
-    the function returns the count of `numbers`.
+    """Return a function that finds, for each of the values x, (n,), the first condition that is
+    true for x.
+
+    All these conditions have the same `comparison`. `places` holds their indices among all
+    conditions, in ascending order, and `numbers` holds the right-hand sides of all conditions. The
+    function returns the index of the first true condition, or `len(numbers)` if none is true, shape
+    (n,).
     """
     ends, numbers = np.append(places, len(numbers)), numbers[places]
     if comparison == "==":

@@ -46,7 +46,8 @@ Inputs = Mapping[str, Expression]
 
 
 class Writer:
-    """Writer of a program. A new statement is added to the innermost branch that is open.
+    """Writer of a program. A new statement is added to the branch or function that is being
+    written.
 
     - `kept`: what the model keeps from sample to sample.
     - `functions`: functions by name, in the order in which they are written.
@@ -100,7 +101,7 @@ class Writer:
         self, x: Operand, low: Operand | None, high: Operand | None, stem: str = "clipped"
     ) -> Expression:
         """Write statements that limit x to the interval from `low` to `high`, and return the
-        result. An end that is None is no limit.
+        result. If `low` or `high` is None, x is not limited on this side.
         """
         held = self.let(stem, x)
         ends = [
@@ -115,8 +116,9 @@ class Writer:
         return call(function, expression(x))
 
     def side(self, value: Side) -> Block:
-        """Return the block of a branch or of a function. If `value` is a function, call it and
-        collect the statements that it writes.
+        """Return the block of a branch or of a function. If `value` is a function, it is called,
+        and the statements that it writes are the statements of the block. Otherwise, the block has
+        the result `value` and no statements.
         """
         if not callable(value):
             return Block((), (expression(value),))
@@ -135,7 +137,9 @@ class Writer:
         return name
 
     def use(self, stem: str, function: str, arguments: Iterable[Operand]) -> Expression:
-        """Write the call of a function of the program, and return the name of the result."""
+        """Write a statement that calls a function of the program, and return the name to which its
+        result is assigned.
+        """
         name = self.fresh(stem)
         self.statements.append(Use((name,), function, tuple(map(expression, arguments))))
         return Name(name)
@@ -225,7 +229,7 @@ def pruned(model: Program) -> Program:
     asked = names_in(side for limit in model.limits for side in (limit.value, limit.at or ZERO))
     body, used = pruned_block(model.body, asked)
     functions = list[Function]()
-    for function in reversed(model.functions):  # functions call earlier functions only
+    for function in reversed(model.functions):  # functions only call earlier functions
         if function.name in used:
             kept, names = pruned_block(function.body)
             functions.append(replace(function, body=kept))
@@ -247,8 +251,8 @@ def pruned_block(block: Block, also: Set[str] = frozenset()) -> tuple[Block, set
 
 
 def _pruned_statement(statement: Statement, used: Set[str]) -> tuple[Statement, Set[str]] | None:
-    """Return the part of a statement that computes the `used` results, and the names that this part
-    uses; None if none of its results is used.
+    """Return the part of a statement that computes the results in `used`, and the names that this
+    part uses. Return None if no result of the statement is in `used`.
     """
     match statement:
         case Let(name) | Recall(name) if name not in used:

@@ -25,17 +25,17 @@ from mapmore_cli.modelling.shape.stencils import ShapeWord, Stencils, nodes_of, 
 FINE = 40_000  # number of nodes of the grid on which the shape must hold
 CLOSE = 9  # number of nodes along each input of the finer grid around a binding inequality
 CLOSER = 3  # number of refinements of the finer grid around a binding inequality
-ROUNDS = 60  # largest number of rounds on one grid
-ADDED = 200  # largest number of inequalities that a round adds for one entry of `shape`
+ROUNDS = 60  # largest number of times that inequalities are added on one grid
+ADDED = 200  # largest number of inequalities that are added at once for one condition
 # smaller violations, as a fraction of the range of the training output, are ignored
 ROUNDING = 1e-11
-# Square root of a small ridge, as a fraction of the length of each column. The ridge keeps
-# coefficients near their start if the data do not determine them.
+# square root of a small ridge, divided by the length of each column of the regressor matrix
+# The ridge keeps coefficients near their starting values if the data do not determine them.
 RIDGE = 1e-11
 # number of coefficients whose derivatives are computed together, to limit the memory
 TOGETHER = 16
-# An inequality between very close places may consist of rounding errors only. It is ignored if it
-# is smaller than this many rounding errors.
+# The coefficients of an inequality between very close places may be nothing but rounding errors.
+# An inequality is ignored if its coefficients are smaller than this many rounding errors.
 ROUNDING_ERRORS = 1000
 
 
@@ -49,9 +49,10 @@ class Exchange:
     coefficients of the `model` without the shape, and `value` is a function that returns the output
     for given coefficients.
 
-    `step` is the step of a coefficient in a difference quotient, as a fraction of the change of
-    this coefficient that would double the output. For an output that is linear in its coefficients,
-    any step is exact. `stencils` holds the inequalities of the shape, each with its first row in D.
+    The derivatives with respect to the coefficients are difference quotients. The change of a
+    coefficient in a difference quotient is `step` times the change that would double the output.
+    For an output that is linear in its coefficients, any step is exact. `stencils` holds the
+    inequalities of the shape, each with its first row in D.
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class Exchange:
             )
 
     def binding(self) -> list[Stencils]:
-        """Return the stencils whose inequalities bind, each as a separate object."""
+        """Return the stencils whose inequalities bind, as one object for each stencil."""
         return [
             stencils.at(np.array([row]))
             for first, stencils in self.stencils
@@ -134,8 +135,8 @@ class Exchange:
         return np.asarray(np.vstack(parts).T / self.steps)
 
     def until_kept(self, asked: Sequence[ShapeWord], region: Region) -> None:
-        """Add inequalities until the shape is kept on a fine grid, and near the places at which an
-        inequality binds.
+        """Add inequalities until the model has the shape at all nodes of a fine grid. Then do the
+        same on finer grids around the places at which an inequality binds.
         """
         axes = region.axes(program_of(self.model).knots, FINE)
         cells = region.nodes_along(FINE)
@@ -169,8 +170,9 @@ class Exchange:
         )
 
     def _at_nodes(self, every: Sequence[Stencils], of: Callable[[Columns], Array]) -> list[Array]:
-        """Return, for each group of stencils in `every`, the values of the function `of` (the
-        output or its derivatives) at the nodes of the group. One call computes all nodes.
+        """Evaluate the function `of` (the output or its derivatives) at all nodes of the grids of
+        the stencils in `every`. Return one array for each element of `every`. The function is
+        called only once.
         """
         nodes = {id(stencils.columns): stencils.columns for stencils in every}
         sizes = [len(columns[self.inputs[0]]) for columns in nodes.values()]
@@ -180,8 +182,8 @@ class Exchange:
 
     def _add(self, violated: Sequence[Stencils]) -> int:
         """Add the inequality of each stencil, linearised around the present coefficients. Return
-        the number of inequalities that were added. Inequalities that consist of rounding errors
-        only are left out.
+        the number of inequalities that were added. An inequality is left out if its coefficients
+        are as small as rounding errors.
         """
         before = len(self.D)
         values, slopes = (self._at_nodes(violated, of) for of in (self._values, self._slopes))
@@ -196,8 +198,8 @@ class Exchange:
 
 
 def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
-    """Return a mask of the nodes `inside` a region and of their neighbours, shape (n,). Together,
-    they enclose all nodes of a finer grid that lie in the region.
+    """Return a mask of the nodes `inside` a region and of their direct neighbours, shape (n,). All
+    nodes of a finer grid that lie in the region are then surrounded by nodes of the mask.
     """
     from scipy.ndimage import binary_dilation
 
@@ -208,7 +210,8 @@ def _widened(axes: Mapping[str, Array], inside: BoolArray) -> BoolArray:
 
 def _grid_about(stencil: Stencils, steps: Mapping[str, float], region: Region) -> Stencils:
     """Return the stencils on a finer grid around the middle of one stencil. Along each input, the
-    grid reaches from the middle by one step of the coarser grid (`steps`) to both sides.
+    finer grid extends from the middle to both sides by the distance in `steps`, which is the
+    distance between two nodes of the coarser grid.
     """
     middles = {name: float(x[stencil.nodes[0]].mean()) for name, x in stencil.columns.items()}
     reach = np.linspace(-1, 1, CLOSE)

@@ -10,14 +10,14 @@ import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 
-# Largest number of steps of the non-negative least squares, divided by the number of inequalities.
-# About one step is needed for each inequality that binds.
+# largest number of steps of the non-negative least squares, divided by the number of inequalities
+# The algorithm needs about one step for each inequality that binds.
 STEPS = 50
-# Tolerance of the inequalities, as a fraction of the largest right-hand side. It is far above
-# rounding errors, and far below the violations that inequalities cause if they contradict each
-# other.
+# tolerance of the inequalities, as a fraction of the largest right-hand side
+# The tolerance is much larger than rounding errors.
+# If inequalities contradict each other, their violations are much larger than the tolerance.
 MISSED = 1e-6
-# a residual of the dual problem below this counts as zero
+# a residual of the dual problem below this limit is treated as zero
 NOTHING_LEFT = 1e-30
 
 
@@ -52,7 +52,7 @@ def least_squares_under(R: Array, f: Array, D: Array, d: Array) -> Constrained:
     H = solve_triangular(R, D.T, trans="T").T
     length = np.linalg.norm(H, axis=1)
     H, h = H / length[:, None], (d - H @ f) / length
-    # smallest possible distance of the solution from the origin, used as the unit of length
+    # lower bound of the distance of the solution from the origin, used as the unit of length
     reach = float(h.max(initial=0.0))
     if reach <= 0.0:
         return Constrained(solve_triangular(R, f), np.zeros(len(D)))

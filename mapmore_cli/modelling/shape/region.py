@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 CELLS = 4096
 # largest number of evenly spaced nodes of a grid along one input
 MOST = 400
-# distance of extra nodes from a knot, as a fraction of the range
+# distance of the additional nodes beside a knot, as a fraction of the range of the input
 BESIDE = 1e-6
 
 
@@ -71,11 +71,11 @@ class Region:
 
     def between(self, columns: Columns) -> tuple[csr_array, BoolArray]:
         """Return the weights of the cells, shape (n, c), with which the output is interpolated at
-        given places, and a mask, shape (n,), of the places between cells.
+        given places, and a mask, shape (n,), of the places that lie between cells.
 
-        The interpolation is linear in the simplex whose corners are the cells around a place. A
-        place outside all simplices gets the output of the nearest cell, whose inputs may differ
-        much.
+        The interpolation is linear in the simplex whose corners are the cells around a place. At a
+        place outside all simplices, the output of the nearest cell is used, although the inputs of
+        this cell may be very different.
         """
         from scipy.sparse import csr_array
         from scipy.spatial import ConvexHull, Delaunay, KDTree, QhullError
@@ -101,7 +101,7 @@ class Region:
             try:
                 net = Delaunay(places)
                 faces = ConvexHull(places).equations
-                # `find_simplex` is slow for places outside, because it would search all simplices.
+                # `find_simplex` is slow for places outside the hull, which are left out here.
                 near = (asked @ faces[:, :-1].T + faces[:, -1]).max(axis=1) < OUTSIDE_TOLERANCE
                 simplex[near] = net.find_simplex(asked[near])
             except QhullError:  # no simplex exists if all samples lie on a line
@@ -117,7 +117,8 @@ class Region:
 
     def output(self, columns: Columns) -> Array:
         """Return the training output at the given places, shape (n,). Between cells, it is
-        interpolated linearly. At any other place, it is the output of the nearest cell.
+        interpolated linearly. At a place that does not lie between cells, it is the output of the
+        nearest cell.
         """
         return self.between(columns)[0] @ self.values
 
@@ -131,7 +132,9 @@ class Region:
         return inside
 
     def asks(self, asked: Sequence[ShapeWord]) -> list[ShapeWord]:
-        """Return the conditions whose quantity is the output itself or an input that varies."""
+        """Return those of the conditions `asked` that can be tested. The quantity of such a
+        condition is the output itself, or an input that varies.
+        """
         return [word for word in asked if word.word == "positive" or word.quantity in self.names]
 
     def nodes_along(self, nodes: int) -> int:
@@ -142,9 +145,9 @@ class Region:
 
     def axes(self, knots: Mapping[str, Sequence[float]], nodes: int) -> dict[str, Array]:
         """Return the places of the grid lines along each input, for a grid of about `nodes` nodes.
-        They are evenly spaced over the range. More lines lie at each knot and close to it, because
-        the model may have a kink there. Zero is included as well, because a rate is zero when the
-        muscle is at rest.
+        Most lines are evenly spaced over the range. Further lines lie at each knot and close to
+        both sides of it, because the model may have a kink there. A further line lies at zero,
+        because a rate is zero when the muscle is at rest.
         """
         axes = dict(self.fixed)
         for name, (low, high) in self.ends.items():

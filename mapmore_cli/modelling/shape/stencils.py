@@ -78,15 +78,16 @@ class Stencils:
     lines: IntArray
 
     def of(self, values: Array) -> Array:
-        """Return the weighted sum of each stencil, (m,) or (m, k), for `values` at the rows of the
-        columns, (n,) or (n, k). The condition is satisfied if no sum is negative.
+        """Return the weighted sum of the values at the nodes of each stencil, (m,) or (m, k).
+        `values`, (n,) or (n, k), are given at all rows of the columns. The model has the shape if
+        no sum is negative.
         """
         summed: Array = np.einsum("ms,ms...->m...", self.weights, values[self.nodes])
         return summed
 
     def at(self, rows: IntArray | BoolArray) -> Stencils:
-        """Return some of the stencils, which are selected by numbers or by a mask. Rows of the
-        columns that the selected stencils do not need are left out.
+        """Return the stencils that are selected by numbers or by a mask. Rows of the columns that
+        these stencils do not need are removed.
         """
         used, nodes = np.unique(self.nodes[rows], return_inverse=True)
         columns = columns_at(self.columns, used)
@@ -113,10 +114,11 @@ def nodes_of(axes: Mapping[str, Array]) -> dict[str, Array]:
 def stencils_on(
     axes: Mapping[str, Array], asked: ShapeWord, inside: BoolArray, reach: int = 1
 ) -> Stencils:
-    """Return the stencils of one condition on a grid with ascending places along each input. A
-    stencil is returned only if all its nodes are `inside`, (n,). A stencil for `increasing` or
-    `decreasing` compares the means of two groups of `reach` neighbouring nodes. The next stencil
-    begins half of `reach` farther along the line.
+    """Return the stencils of one condition on a grid. `axes` holds the places of the grid along
+    each input, in ascending order. A stencil is returned only if all its nodes are `inside`, (n,).
+
+    A stencil for `increasing` or `decreasing` compares the means of two neighbouring groups of
+    `reach` nodes each. The next stencil on the same line begins `reach/2` nodes farther.
     """
     columns, points = nodes_of(axes), POINTS[asked.word] * reach
     along = list(axes).index(asked.quantity) if points > 1 else 0

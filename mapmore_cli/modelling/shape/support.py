@@ -32,26 +32,27 @@ from mapmore_cli.modelling.shape.stencils import (
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-# number of places of the grid on which differences of the training output are examined
+# number of nodes of the grid on which differences of the training output are computed
 COMPARED = 4096
-# smallest and largest number of places along one input
+# smallest and largest number of places of the grid along one input
 LEAST_ALONG = 24
 MOST_ALONG = 1000
 FEWEST = 10  # smallest number of differences that can support a sign
-# if at most this fraction of the differences contradicts a sign, noise is not tested as the cause
+# If at most this fraction of the differences has the wrong sign, the data are accepted at once.
 CONTRADICTED = 0.05
-# a fall by less than this fraction of the range of the output is a rounding error
+# a difference below this fraction of the range of the output is treated as a rounding error
 ROUNDING = 1e-9
 LEVEL = 0.01
-"""Probability with which noise on a constant output is refused as a contradiction."""
+"""Significance level: probability that the noise of a constant output is mistaken for a
+contradiction.
+"""
 
-RUNS = 199  # number of simulations of noise alone
+RUNS = 199  # number of simulations of a constant output with noise
 # a contradiction of fewer standard errors is never significant
 UNLIKELY = 2.0
-# a contradiction counts only if a fitted surface contradicts the sign by this many standard errors
+# A slope with the wrong sign confirms a contradiction if it exceeds this many standard errors.
 CONFIRMED = 3.0
-# The test uses means over several widths. For each width, at most this number of contradictions,
-# the most significant ones, may be tested with a fitted surface.
+# For means over n places, at most this number of contradictions are tested with a fitted surface.
 TRIED = 32
 ABOUT = 3  # for d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell
 LOCAL = 12  # the noise of a cell is the mean over at least this many cells around it
@@ -67,8 +68,8 @@ def refuse_unsupported(
     *,
     over_time: bool = False,
 ) -> None:
-    """Raise FitError if a quantity in `fit.shape` does not vary, or if the training data contradict
-    or do not support a required sign.
+    """Raise FitError if a quantity in `fit.shape` does not vary, if the training data contradict a
+    required sign by more than their noise, or if there are too few differences to support the sign.
 
     Only the data are used, so that `check` and a run give the same result. The test compares the
     interpolated training output at neighbouring values of the quantity, while all other inputs have
@@ -134,7 +135,7 @@ def _ranges_of(
 
 
 def _axes(region: Region, level: str | None) -> dict[str, Array]:
-    """Return, for each input, the places of the grid on which the training output is examined."""
+    """Return the grid on which the training output is interpolated: its places along each input."""
     most = np.clip(round(COMPARED ** (1 / len(region.names))), LEAST_ALONG, MOST_ALONG)
     axes = dict(region.fixed)
     for name, x in zip(region.names, region.places.T, strict=True):
@@ -144,9 +145,10 @@ def _axes(region: Region, level: str | None) -> dict[str, Array]:
 
 
 class _Against(NamedTuple):
-    """Contradiction between training data and a condition of the shape. `amount` is the difference
-    between the means of two groups of neighbouring places, and `errors` is this difference in
-    standard errors. `cells` are the cells from which the contradiction at the `place` was computed.
+    """Contradiction between the training data and a condition of the shape. `amount` is the
+    difference with the wrong sign between the means of two groups of neighbouring places, and
+    `errors` is this difference divided by its standard error. `place` is the stencil of both
+    groups. `cells` holds the indices of the cells from which the difference was computed.
     """
 
     errors: float
@@ -170,9 +172,10 @@ def _contradiction(
     inside: BoolArray,
     between: csr_array,
 ) -> _Against | None:
-    """Return the largest significant contradiction of a sign; None if there is none. A
-    contradiction is significant if noise alone would cause it with a probability of at most
-    `LEVEL`, and if the slope of a surface through its cells confirms it.
+    """Return the contradiction of the condition `asked` with the largest number of standard errors;
+    None if no contradiction is significant. A contradiction is significant if noise alone would
+    cause it with a probability of at most `LEVEL`, and if the slope of a surface that is fitted to
+    the cells confirms it.
     """
     from scipy.sparse import csr_array
 
@@ -209,14 +212,14 @@ def _contradiction(
 
 
 def _confirmed(region: Region, asked: ShapeWord, cells: IntArray) -> bool:
-    """Return True if the slope of a surface through some cells contradicts a sign by more than
-    `CONFIRMED` of its standard errors. The surface is linear in the quantity of the sign, and
-    quadratic in the other inputs.
+    """Fit a surface to some cells, and return True if its slope has the wrong sign. The magnitude
+    of the slope must be more than `CONFIRMED` times its standard error. The surface is linear in
+    the quantity of the condition `asked`, and quadratic in the other inputs.
 
     This confirmation is needed because the output between scattered cells is interpolated linearly
     in long, thin simplices. If the true output is curved, the interpolated output may fall although
-    the true output rises. A fitted surface averages this out. If the surface cannot follow the
-    curvature, its residuals and therefore its standard errors are larger.
+    the true output rises. The surface is fitted to more cells and has no such simplices. If it
+    cannot follow the curvature, its residuals are larger, and therefore its standard errors too.
     """
     others = [name != asked.quantity for name in region.names]
     x = region.places[cells]
@@ -230,8 +233,8 @@ def _confirmed(region: Region, asked: ShapeWord, cells: IntArray) -> bool:
 
 
 def _near(region: Region) -> IntArray:
-    """Return, for each cell, the indices of the cells nearest to it, (c, near); the first is the
-    cell itself.
+    """Return, for each of the c cells, the indices of the cells nearest to it, shape (c, k). The
+    first of them is the cell itself.
     """
     from scipy.spatial import KDTree
 
@@ -244,10 +247,12 @@ def _near(region: Region) -> IntArray:
 def _noise(region: Region, near: IntArray) -> Array:
     """Return the standard deviation of the noise in the value of each cell, (c,).
 
-    A plane is fitted to the `near` cells around a cell. The value of the cell minus the plane has
-    the variance `s^2 (1/n + sum w_i^2/n_i)`, with the weights w of the plane and the numbers n of
-    samples. `s^2` is the mean over all cells, or the mean over the cells around a cell if that is
-    larger (residuals of neighbours: Gasser, Sroka and Jennen-Steinmetz 1986).
+    A plane is fitted to the nearest cells of a cell (`near`). Let s be the standard deviation of
+    one sample. The value of the cell minus the plane has the variance `s^2 (1/n + sum w_i^2/n_i)`,
+    with the number n of samples in the cell, the numbers n_i in the nearest cells, and their
+    weights w_i in the plane. `s^2` is estimated as the mean over all cells, or as the mean over the
+    cells around a cell if that is larger (residuals of neighbours: Gasser, Sroka and
+    Jennen-Steinmetz 1986).
     """
     c, d = region.places.shape
     if c < d + ABOUT:

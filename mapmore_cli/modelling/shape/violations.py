@@ -1,5 +1,5 @@
-"""Find where and by how much a model violates a shape, and by how much the errors grow if the shape
-is kept.
+"""Compute at which inputs and by how much a model violates a shape, and by how much its errors grow
+if the shape is a constraint of the fit.
 """
 
 from __future__ import annotations
@@ -43,11 +43,13 @@ CLEARLY = 1.1
 
 @dataclass(frozen=True)
 class Violation:
-    """Violation of one condition of a shape, `asked`, by a model. Without a violation, the `amount`
-    is 0. For `increasing` and `decreasing`, it is the largest total fall or rise of the output
-    along one grid line. For `convex` and `concave`, it is the largest distance from a chord, and
-    for `positive` the magnitude of the lowest output. `share` is the amount divided by the range of
-    the training output. The violation is largest at the `place`.
+    """Violation of the condition `asked` of a shape by a model. The `amount` is 0 if the model
+    satisfies the condition. Otherwise, it depends on the condition: for `increasing`, it is the
+    largest total fall of the output along one grid line, and for `decreasing` the largest total
+    rise. For `convex` and `concave`, it is the largest distance of the output from a chord on the
+    wrong side. For `positive`, it is the magnitude of the lowest output. `share` is the amount
+    divided by the range of the training output. `place` describes the point at which the violation
+    is largest.
     """
 
     asked: ShapeWord
@@ -81,9 +83,9 @@ def violations(
 
 
 def known_shape(kind: str | None, model: Model, curves: Sequence[Curve]) -> list[Violation]:
-    """Return the violations of the shape that the spec requires. If the spec requires no shape,
-    return the violations of the shape that the kind of muscle implies, but only for a model without
-    memory.
+    """Return the violations of the shape that the spec required for the model. If it required no
+    shape, return the violations of the shape that is known for this kind of muscle. For a model
+    with memory, this shape is not tested.
     """
     words = (
         IMPLIED.get(model.output.name, {}) if kind in KINDS and not runs_over_time(model) else {}
@@ -110,8 +112,9 @@ def with_shape(
     binds: Mapping[ShapeWord, Ranges] = MappingProxyType({}),
 ) -> Model:
     """Return the model with a record of its shape. The record contains the conditions of the shape,
-    the ranges in which they determine the coefficients, and the errors of the model and of the
-    `unshaped` model on training and on held-out samples.
+    with the amount by which the `unshaped` model violates each of them, and the ranges of the
+    inputs in which they change the coefficients. It also contains the errors of the model and of
+    the `unshaped` model on training and on held-out samples.
     """
     kept = tuple(
         KeptShape(

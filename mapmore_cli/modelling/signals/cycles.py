@@ -14,7 +14,8 @@ from mapmore_cli.domain.errors import DataError
 
 # a reversal by less than this fraction of the range is noise or a minor loop
 SWING = 0.1
-TRIM = 0.01  # largest part, as a fraction of the range, that may be cut off at each end of a branch
+# Rests are cut off at both ends of a branch, but at each end at most this fraction of its range.
+TRIM = 0.01
 FEWEST = 5  # smallest number of places at which a branch must be measured
 REMEDY = "leave out `cycles`, or record a movement there and back with more samples"
 
@@ -84,8 +85,8 @@ def turning_points(values: Array, swing: float) -> IntArray:
     """Return the rows of the minima and maxima at which `values`, (n,), reverse, including the two
     ends of the movement.
 
-    An extreme counts as a reversal if the values move back from it by at least `swing`. The result
-    is empty if no movement is as large as `swing`.
+    A minimum or maximum is returned only if the values then move back by at least `swing`. The
+    result is empty if no movement is as large as `swing`.
     """
     series = values.tolist()
     turns: list[int] = []
@@ -122,8 +123,8 @@ def bin_means(over: Array, columns: Columns, edges: Array) -> tuple[Array, dict[
 
 
 def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
-    """Return the row numbers of each movement between two turning points, grouped by direction (1
-    rising, -1 falling). Rests at the ends of a movement are left out.
+    """Return the rows of each movement between two turning points, grouped by direction (1 rising,
+    -1 falling). Rests at the ends of a movement are left out.
     """
     runs: dict[int, list[IntArray]] = {1: [], -1: []}
     if not len(over):
@@ -160,9 +161,9 @@ def cycle_starts(x: Array) -> IntArray:
 
 
 def last_cycles(x: Array, share: float) -> BoolArray:
-    """Return a mask of the samples that belong to the last cycles of `x`, (n,). `share` is their
-    fraction of all cycles, rounded down to whole cycles. Samples at rest before the first of these
-    cycles are not included.
+    """Return a mask of the samples that belong to the last cycles of `x`, (n,). `share` is the
+    number of these cycles divided by the number of all cycles; the number of cycles is rounded
+    down. Samples at rest before the first of these cycles are not included.
 
     Raises DataError if there are fewer than two cycles, or if the share gives no cycle or all
     cycles.

@@ -25,13 +25,14 @@ def find_levels(values: Array) -> Array:
     bins with fewer than two other bins between them are one level, so that levels closer than about
     2 % of the range are not distinguished. Ramps between holds are sparse and give no level. A
     level is the median of its samples, rounded to the power of ten below their standard deviation
-    (149.73 +- 1.6 gives 150), and exact if they are all equal. Values that vary by less than 5 % of
-    their size are one level.
+    (149.73 +- 1.6 gives 150), and exact if they are all equal. If the values vary by at most 5 % of
+    the largest magnitude, there is one level.
 
     The result is empty if the quantity never dwells, for example in a steady sweep.
     """
     low, high = np.quantile(values, [0.001, 0.999], method="closest_observation")
-    # one level; this includes ranges that are so small that the bins would have no width
+    # Values that vary little have one level.
+    # For an extremely small range, the bins of the histogram would have no width.
     if high - low <= max(0.05 * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))
@@ -68,15 +69,15 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
     order = np.argsort(levels, kind="stable")
     middles = (levels[order][1:] + levels[order][:-1]) / 2
     nearest = order[np.searchsorted(middles, values, side="left")]
-    # tolerance for the rounding error of a value at exactly the distance `within`
+    # a tolerance is added, because a value at exactly the distance `within` has a rounding error
     reach = within * (1 + 1e-9) + 1e-12 * np.abs(values)
     return np.where(np.abs(values - levels[nearest]) <= reach, nearest, -1)
 
 
 # a signal has settled when it stays within this fraction of its range around its final value
 BAND = 0.05
-RISEN = 0.9  # the pressure has risen when it has reached this fraction of its range
-NOISE_SPANS = 20  # a range below this multiple of the noise is no rise
+RISEN = 0.9  # a rise of the pressure ends when it has reached this fraction of its range
+NOISE_SPANS = 20  # the pressure has risen only if its range is at least this multiple of the noise
 # shortest plateau as a fraction of the rise time, so that the top of a triangle is no plateau
 SHORTEST = 0.5
 
@@ -98,7 +99,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     low, high_end = extremes(pressure)
     upper = pressure > (low + high_end) / 2
     noise = float(np.median(np.abs(np.diff(pressure)))) if len(pressure) > 1 else 0.0
-    # medians, because the pressure overshoots after its rise, and even more after its fall
+    # Medians are used, because the pressure overshoots after its rise and after its fall.
     base = float(np.median(pressure[~upper]))
     span = float(np.median(pressure[upper])) - base if upper.any() else 0.0
     if span <= NOISE_SPANS * noise or span == 0.0:

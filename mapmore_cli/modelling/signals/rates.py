@@ -93,12 +93,13 @@ def _slopes(
     """Return the slopes of m polynomials at the times `at`, (m,). Each is fitted to the samples
     `start` to `stop` of its window. All fits are solved together by their normal equations.
 
-    The time t is measured from `at` in units of the window; then monomials up to degree 5 are well
-    conditioned. Element (i, j) of the normal matrix is the sum of `t^(i+j)`, so that only `2 order
-    + 1` different sums are needed.
+    The time t is measured from `at` and divided by the width of the window, because the normal
+    equations of monomials up to degree 5 are then well conditioned. Element (i, j) of the normal
+    matrix is the sum of `t^(i+j)`, so that only `2 order + 1` different sums are needed.
     """
     places = start[:, None] + np.arange((stop - start).max())
-    power = (places < stop[:, None]).astype(float)  # t^0, which is set to zero outside the window
+    # `power` holds t^0, t^1, ... one after the other; it is zero outside the window.
+    power = (places < stop[:, None]).astype(float)
     places = np.minimum(places, len(time) - 1)
     t = (time[places] - at[:, None]) / window
     # an offset is subtracted, because large values would lose digits
@@ -151,7 +152,7 @@ def signal_values(signal: Signal, columns: Columns) -> Array:
 
 
 def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array]:
-    """Return the columns of one recording, with every signal added that is not among them."""
+    """Return the columns of one recording, with all missing signals added."""
     known = dict(columns)
     for signal in signals:
         if signal.name not in known:
@@ -160,8 +161,8 @@ def with_signals(signals: Sequence[Signal], columns: Columns) -> dict[str, Array
 
 
 def needed_signals(signals: Sequence[Signal], inputs: Sequence[str]) -> tuple[Signal, ...]:
-    """Return the signals that are needed to compute the inputs. If a signal is computed from
-    another signal, it stands after that signal.
+    """Return the signals that are needed to compute the inputs. A signal that is computed from
+    another signal comes after it in the result.
     """
     wanted = set(inputs)
     kept: list[Signal] = []

@@ -161,13 +161,14 @@ def cut_after(n: int, breaks: IntArray) -> list[slice]:
 
 
 DECIMATION = 1.5  # if a new step contains at least this many samples, they are averaged
-# a stamp within this fraction of a step from the edge of a block counts as on the edge
+# a stamp nearer to the edge of a block than this fraction of a step is treated as on the edge
 ON_EDGE = 1e-6
 
 
 def resample(time: Array, columns: Columns, step: float) -> tuple[Array, dict[str, Array]]:
-    """Resample a record without gaps to stamps `step` apart, shape (m,), with its quantities, shape
-    (m,). For a record shorter than a step, m is 0.
+    """Resample a record without gaps. Return m stamps that are `step` apart, shape (m,), and every
+    quantity at these stamps, shape (m,). If several samples are averaged and the record is shorter
+    than a step, m is 0.
 
     If a step contains several samples, they are replaced by their mean, with the stamp of their
     middle. This average has no delay, and it attenuates frequencies above the new sampling rate.
@@ -227,7 +228,8 @@ def longest_ascent(time: Array) -> BoolArray:
     """Return a mask, (n,), of the longest subsequence of stamps that never decreases. As few stamps
     as possible are left out.
 
-    Patience sorting, O(n log n): M. L. Fredman, Discrete Math. 11 (1975) 29.
+    The algorithm is patience sorting, which needs O(n log n) operations (M. L. Fredman, Discrete
+    Math. 11 (1975) 29).
     """
     ends: list[float] = []  # for each length of a subsequence, its smallest possible last stamp
     at: list[int] = []
@@ -246,7 +248,7 @@ def longest_ascent(time: Array) -> BoolArray:
 def envelope(y: Array, limit: int, less: Array | None = None) -> IntArray:
     """Return the row numbers of at most `limit` samples with which a figure shows a long curve.
     They are the lowest and the highest sample in each of `limit // 2` consecutive parts. With
-    `less`, they are the extremes of `y - less`.
+    `less`, the lowest and the highest values of `y - less` are used.
 
     If there are at most `limit` rows, all rows are returned.
     """

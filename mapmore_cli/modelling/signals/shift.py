@@ -20,17 +20,18 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.signals.sampling import typical_step
 
-WIDTHS = (1, 2, 4, 8, 16, 32, 64)  # numbers w of samples that are averaged on each side of a change
+# possible numbers w of samples in the means before and after each place
+WIDTHS = (1, 2, 4, 8, 16, 32, 64)
 # smallest overlap of both records, as a fraction of the shorter record
 LEAST_OVERLAP = 0.5
 # smallest fraction of the squared changes of each record that must lie in the overlap
 LEAST_EVENTS = 0.3
 RATIO = 1.15  # smallest ratio of the best peak to the second best peak
 # smallest Fisher's z of the best peak, in standard deviations of noise
-# This z must be large, because the best peak is chosen from thousands of lags.
+# The limit is high because noise has a high peak too, if it is the highest of thousands of lags.
 SIGMAS = 7.0
 MOST = 2_000_000  # largest number of grid points of the longer record
-FEWEST = 8  # smallest number of samples of a record
+FEWEST = 8  # smallest number of samples of a record whose shift is estimated
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,7 @@ def find_shift(
     if not peaks:
         return None
     best = max(peaks, key=lambda peak: peak.sigmas)
-    # a jump may lie anywhere between two samples, so half a time step is added
+    # a jump may lie anywhere between two samples, so half a time step is added to the half width
     half_width = math.hypot(best.half_width, 0.5 * sum(steps))
     return replace(best, half_width=half_width, step=max(steps))
 
@@ -132,9 +133,9 @@ def _peak(
     top = int(np.argmax(size))
     if size[top] == 0:
         return None
-    # a maximum at the edge of the range of lags is no peak
+    # a maximum at the first or the last lag is no peak, because the correlation may rise beyond it
     rises_on = not 0 < top < len(r) - 1 or r[top - 1] == 0.0 or r[top + 1] == 0.0
-    # places at which the peak ends on both sides
+    # on both sides, the peak ends at the first lag at which the correlation rises again
     before, after = (np.flatnonzero(np.diff(side) > 0) for side in (size[top::-1], size[top:]))
     below = top - int(before[0]) if len(before) else 0
     above = top + int(after[0]) if len(after) else len(size) - 1
@@ -171,8 +172,8 @@ def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
     """Return Pearson's correlation r of `u[i + lag]` and `v[i]` for every lag, the lags, and the
     numbers of overlapping samples, shape (k,) each.
 
-    r is set to zero if the overlap is too short, or if it contains too small a part of the changes
-    of a record.
+    r is set to zero for lags at which the overlap is too short, or contains too small a part of the
+    changes of one of the records.
     """
     # imported here, because the import is slow and few studies need it
     from scipy.signal import correlate
@@ -212,12 +213,14 @@ def _half_width(u: Array, v: Array, lag: int) -> float:
     """Return half the width of the 95 % interval of the best lag between the changes `u` and `v`,
     in steps of the grid; infinite if the slopes of `u` and `v` have no positive correlation.
 
-    After both are scaled to the same spread, s is their mean and e their difference, so that they
-    are `s + e/2` and `s - e/2`. The error of the lag is `sum s'[i] e[i] / sum u'[i] v'[i]`.
-    Neighbouring changes share samples and noise may be slow, so the numerator has the variance
-    `sum_k R(k) A(k)`, with the autocovariance R of e and `A(k) = sum_i s'[i] s'[i + k]`. In the
-    frequency domain, this is a sum of products, of which a few may dominate. Their effective number
-    is used as the degrees of freedom of Student's t.
+    Both are scaled to the same standard deviation. Let s be their mean and e their difference, so
+    that `u = s + e/2` and `v = s - e/2`. Let s' be the slope of s. The error of the lag is `sum
+    s'[i] e[i] / sum u'[i] v'[i]`. The values of e are correlated, because neighbouring changes are
+    computed from the same samples, and because noise may be slow. Therefore, the numerator has the
+    variance `sum_k R(k) A(k)`, with the autocovariance R of e and `A(k) = sum_i s'[i] s'[i + k]`.
+    In the frequency domain, this variance is a sum of products. If a few of these products are much
+    larger than the others, the variance is known less well. The effective number of products is
+    therefore used as the degrees of freedom of Student's t.
     """
     # imported here, because the import is slow and few studies need it
     from scipy.fft import next_fast_len, rfft
@@ -230,7 +233,7 @@ def _half_width(u: Array, v: Array, lag: int) -> float:
     steepness = float(np.diff(first) @ np.diff(second))
     if steepness <= 0:
         return math.inf
-    size = next_fast_len(2 * n, real=True)  # padded, so that the sums are not circular
+    size = next_fast_len(2 * n, real=True)  # zeros are added, so that the sums are not circular
     slope, rest = rfft(np.gradient(first + second) / 2, size), rfft(first - second, size)
     products = np.abs(slope * rest) ** 2
     total = float(np.sum(products))

@@ -79,7 +79,9 @@ def _force(model: Model, columns: Columns) -> Array:
 
 
 def _of_muscle(equation: Equation) -> Equation:
-    """Return an equation of the muscle in which its length and velocity have names of their own."""
+    """Return an equation of the muscle with new names for its length and velocity, because `length`
+    and `velocity` are those of muscle and tendon together.
+    """
 
     def renamed(text: str, underscore: str = "_") -> str:
         # in LaTeX, an underscore inside a name is written as `\_`

@@ -14,13 +14,12 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.ranges import limits
 
-# `GRID` is the number of points along the input that varies within a curve. If several inputs
-# vary, `COARSE_GRID` is the number of points along each of them.
+# If one input varies within a curve, `GRID` is the number of points along this input.
+# If several inputs vary, `COARSE_GRID` is the number of points along each of them.
 GRID, COARSE_GRID = 41, 11
-# two levels count as equal if their distance is below this fraction of the smallest distance
-# between two levels of one model
+# two levels are treated as equal up to this fraction of the smallest distance between levels
 SAME_LEVEL = 0.05
-FEWEST_CURVES = 2  # smallest number of curves for a comparison
+FEWEST_CURVES = 2  # smallest number of common curves with which two models are compared
 
 
 class CurvePlace(NamedTuple):
@@ -38,8 +37,9 @@ def common_curves(before: Model, after: Model) -> list[CurvePlace]:
     levels.
 
     If the levels of the models differ, only levels inside the ranges of both models are compared.
-    The levels of the model with fewer such levels are used, and the other model is interpolated to
-    them. In this way, no curve is counted twice.
+    The curves then have the levels of one model, and the other model is interpolated to these
+    levels. The levels are those of the model with fewer levels inside both ranges, so that no curve
+    is counted twice.
     """
     first, second = _ranges(before), _ranges(after)
     if before.level != after.level:

@@ -29,10 +29,9 @@ tests of 5 % each).
 """
 
 CHANGED, SAME, UNCLEAR = "changed", "same", "cannot tell"  # possible results of a comparison
-# result for two models that were fitted to the same recordings, so that only settings can differ
+# result for two models of the same recordings, whose differences are caused by the settings
 OF_SETTINGS = "settings"
-# A relative change of force below this margin is of no interest, because repeated measurements
-# differ by as much.
+# A change of the force by less than this fraction is ignored: repeated measurements differ as much.
 MARGIN = 0.01
 MOST_POINTS = 6  # largest number of reference points
 
@@ -41,9 +40,9 @@ MOST_POINTS = 6  # largest number of reference points
 class CurveChange:
     """Difference between the later and the earlier model along one curve.
 
-    - `ratio`, `weight`: the factor from the output a of the earlier model to the output b of the
-      later model, `sum(a b)/sum(a^2)` over the points of the grid, and its weight in the mean over
-      all curves, which is proportional to `sum(a^2)`.
+    - `ratio`: the factor by which the output has changed. It is `sum(a b)/sum(a^2)` over the points
+      of the grid, with the output a of the earlier model and the output b of the later model.
+      `weight`: the weight of this factor in the mean over all curves, which is `sum(a^2)`.
     - `difference`, `rms`: mean and root mean square of `b - a`, in the unit of the output.
     - `largest`, `place`: the value of `b - a` with the largest magnitude, and the point of the grid
       there.
@@ -69,7 +68,8 @@ class TermChange:
 
     `error` is the standard error of the difference (the root of the sum of squares of both standard
     errors), NaN if one of them is missing. `errors_note` is the assumption about residuals on which
-    the standard errors are based; if the models have different assumptions, the stronger one.
+    the standard errors are based. If one of the standard errors is only a lower bound, this is
+    noted here.
     """
 
     segment: str
@@ -98,12 +98,13 @@ class Comparison:
     `ratio` is the least-squares factor from the output of the earlier model to the output of the
     later model, over all curves. It is the mean of the factors of the curves, weighted by the
     squares of the output. `interval` is its t-interval with K - 1 degrees of freedom for K curves.
-    `p` is the p-value of the hypothesis that the factor is one; `p_permutation` is the p-value of a
-    permutation test over all signs of the curves' changes, None if K is too small for it. `narrow`
-    is the interval at the level `EQUIVALENCE`. `resolution` is the smallest relative change that
-    these curves can detect: half of the interval, and at least the uncertainty of models that are
-    interpolated to a level of the other. `settings` holds the keys of the spec that differ, with
-    both values. If `same_recordings` is True, only the settings can differ.
+    `p` is the p-value of the hypothesis that the factor is one. `p_permutation` is the p-value of a
+    permutation test, in which the signs of the changes of the curves are exchanged; None if K is
+    too small for this test. `narrow` is the interval at the level `EQUIVALENCE`. `resolution` is
+    the smallest relative change that these curves can detect: half of the width of the interval, or
+    the uncertainty of the interpolation between levels if that is larger. `settings` holds the keys
+    of the spec that differ, with both values. If `same_recordings` is True, only the settings can
+    differ.
     """
 
     before: str
@@ -137,16 +138,20 @@ class Comparison:
 
     @property
     def answer(self) -> str:
-        """Result of the comparison: `changed`; `same` if two one-sided tests show that the change
-        is smaller than the margin; `cannot tell` if the data do not decide; `settings` if both
-        models were fitted to the same recordings.
+        """Result of the comparison.
+
+        - `changed`: the muscle has changed.
+        - `same`: two one-sided tests show that the change is smaller than the margin.
+        - `cannot tell`: the data do not decide.
+        - `settings`: both models were fitted to the same recordings, so that only the settings
+          differ.
         """
         if self.changed:
             return CHANGED
         if self.same_recordings:
             return OF_SETTINGS
         low, high = self.narrow
-        # an uncertain interpolation between levels may hide a change
+        # a change may be hidden if the interpolation between levels is uncertain
         sure = self.resolution <= max(np.ptp(self.interval) / 2, self.margin)
         return SAME if sure and 1 - self.margin < low <= high < 1 + self.margin else UNCLEAR
 
@@ -159,7 +164,7 @@ class Comparison:
 
 
 def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
-    """Compare two models on the curves with which both were trained.
+    """Compare two models on the curves that they have in common.
 
     Raises ValueError if the models have different quantities, or fewer than two curves in common;
     the message says which.
@@ -199,13 +204,15 @@ def compare(before: Model, after: Model, margin: float = MARGIN) -> Comparison:
 def _of_interpolation(
     before: Model, after: Model, curves: Sequence[CurveChange], shares: Array
 ) -> float:
-    """Return the part of the uncertainty of the factor between both models that comes from the
-    interpolation between levels. It is computed from the models' intervals (`validate.intervals`).
+    """Return the uncertainty of the factor between both models that is caused by interpolation
+    between levels. It is computed from the prediction intervals of the models
+    (`validate.intervals`).
 
-    It is `1.96 sqrt(sum(share^2 u^2))`. Here, `share` is the weight of a curve in the factor, and u
-    is the standard deviation of a model between its levels, divided by the root mean square of the
-    output of `before`. The uncertainty is 0 if no curve is interpolated or no model has intervals,
-    and infinite if the intervals of a model cannot be computed.
+    The uncertainty is `1.96 sqrt(sum(share^2 u^2))` over the interpolated curves. Here, `share` is
+    the weight of a curve in the factor, and u is the standard deviation of a model at the level of
+    the curve, divided by the root mean square of the output of `before`. The uncertainty is 0 if no
+    curve is interpolated or no model has intervals, and infinite if the intervals of a model cannot
+    be computed.
     """
     squares = 0.0
     for curve, share in zip(curves, shares, strict=True):
@@ -239,16 +246,18 @@ def _change(before: Model, after: Model, place: CurvePlace) -> CurveChange:
 
 
 class ReferencePoint(NamedTuple):
-    """A place within the training ranges of all models, and the output of each model at this
-    place."""
+    """A place within the training ranges of the first and the last model, and the output of every
+    model at this place.
+    """
 
     inputs: Mapping[str, float]
     outputs: tuple[float, ...]
 
 
 def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
-    """Return at most `MOST_POINTS` places. Each is the middle of a curve that the first and the
-    last model have in common, inside the ranges of both.
+    """Return at most `MOST_POINTS` places, and the outputs of all models there. Each place is the
+    middle of a curve that the first and the last model have in common. It lies in the training
+    ranges of both.
     """
     first, last = models[0], models[-1]
     places = common_curves(first, last)
@@ -268,11 +277,12 @@ def reference_points(models: Sequence[Model]) -> list[ReferencePoint]:
 
 
 def term_changes(before: Model, after: Model) -> tuple[TermChange, ...]:
-    """Return all terms of the segments that both models have, with the coefficients `y_slope theta`
-    of both models. The result is empty if a model has no segments.
+    """Compare the coefficients of both models. For each segment that both models have, return every
+    term with its coefficients `y_slope theta` in both models. A term may occur in only one of them.
+    The result is empty if a model has no segments.
 
-    Scalings depend on the ranges of the data, so that a coefficient also changes if the ends of its
-    segment move.
+    The scaling of a segment depends on the range of its data. Therefore, a coefficient also changes
+    if the ends of its segment change.
     """
     if not isinstance(before.body, Pieces) or not isinstance(after.body, Pieces):
         return ()

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.signals.sampling import even_share
 
 MARGIN = 0.1
 """Distance from the convex hull of the training samples, in units of the ranges of both inputs, up
-to which a combination counts as known. Repeated loops differ by less.
+to which a combination is treated as known. Repeated loops differ by less.
 """
 
 ANGLES = np.pi * np.arange(1, 24) / 24
@@ -34,10 +34,10 @@ def share_outside(model: Model, dataset: Dataset) -> float:
 
 
 def new_combinations(model: Model, dataset: Dataset) -> Iterator[tuple[float, str, str]]:
-    """Yield each pair of inputs that has, in some held-out samples, a combination of values that
-    occurs in no training sample. Held-out samples with an input outside its training range are not
-    considered. For each pair, yield the fraction of all held-out samples that have such a
-    combination, and the names of both inputs. Long data are thinned evenly.
+    """Find pairs of inputs with new combinations of values: combinations that occur in held-out
+    samples, but lie outside those of all training samples. Held-out samples with an input outside
+    its training range are not considered. For each such pair, yield the fraction of all held-out
+    samples that have a new combination, and the names of both inputs. Long data are thinned evenly.
     """
     known, asked = (_inputs(model, dataset, rows) for rows in ("training", "held_out"))
     inside = ~even_share(_outside(model, dataset))
@@ -56,8 +56,8 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
     point is outside.
 
     A point is outside the hull if there is a direction in which it lies farther than every known
-    point. A fixed number of evenly spaced directions is tested, so that points slightly outside a
-    corner of the hull count as inside.
+    point. A fixed number of evenly spaced directions is tested, so that a point slightly outside a
+    corner of the hull may be treated as inside.
     """
     spans = np.ptp(known, axis=1) if known.size else np.zeros(2)
     if not spans.all():

@@ -51,8 +51,8 @@ class GaussianProcess:
         return mean, np.sqrt(np.maximum(self.deviation**2 - np.sum(half**2, axis=0), 0.0))
 
     def with_point(self, x: Array, y: float) -> GaussianProcess:
-        """Return a process with one more point, and with the same correlation lengths and standard
-        deviations.
+        """Return a Gaussian process with one more point. The correlation lengths and the standard
+        deviations are unchanged.
         """
         return replace(self, x=np.vstack([self.x, x]), y=np.append(self.y, y))
 

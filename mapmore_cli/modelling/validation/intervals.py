@@ -64,8 +64,8 @@ from mapmore_cli.domain.models import LeftOut, LeftOutKind, Model
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.validation.offsets import NEIGHBOURS, offsets_of
 
-INTERVAL = 0.95  # level of the intervals in score tables and figures
-# probabilities for which the quantiles of the residuals of each part are stored
+INTERVAL = 0.95  # probability of the intervals in score tables and figures
+# probabilities of the quantiles of the absolute residuals that are stored for each left-out part
 SHARES = np.linspace(0.0, 1.0, 101)
 
 FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
@@ -74,16 +74,16 @@ FEW: Mapping[int, float] = {3: 5.06, 4: 4.03, 5: 3.23}
 five.
 """
 
-# errors below this fraction of the largest |target| are replaced by this fraction of it
+# errors that are smaller than this fraction of the largest |target| are set to this limit
 LEAST = 1e-3
 # quantile of the normal distribution for which the constants in `FEW` were computed
 NORMAL = 1.959964
-# a sample counts as at a level if it is closer than this fraction of the gap between levels
+# A sample is treated as at a level if their distance is below this fraction of the gap of levels.
 AT_LEVEL = 0.02
 
 MANY = 7  # smallest number of levels for which the rule for few levels is not needed
-# Number of parts into which each recording is divided. The mean of each part is compared with the
-# means of the same part of repeated recordings.
+# Each recording is divided into this number of parts, to compare repeated recordings.
+# The mean of each part is compared with the means of the same part in the other recordings.
 BLOCKS = 4
 
 SAME_RECORDINGS = (
@@ -93,19 +93,21 @@ SAME_RECORDINGS = (
 )
 
 ASTRAY = 0.25
-"""Distance of left-out predictions from the training data, as a share of their range, beyond which
-the model cannot be trusted between levels.
+"""Limit for predictions of left-out parts. If such a prediction is outside the range of the
+training output by more than this fraction of the range, there are no intervals, because the model
+cannot be trusted between levels.
 """
 
 
 def left_out_summary(
     kind: LeftOutKind, curves: int, residuals: Mapping[str, Sequence[Array]]
 ) -> LeftOut:
-    """Summarise the residuals (measured minus predicted) of each left-out part, so that intervals
-    can be computed from them. `curves` is the number of curves used for training.
+    """Summarise the residuals (measured minus predicted) of every left-out part. Intervals are
+    computed from this summary. `curves` is the number of levels, recordings or other parts of the
+    training data.
 
-    Raises FitError if a model cannot predict the part that was left out of its fit, for example
-    because its free run diverges.
+    Raises FitError if the model that was fitted without a part cannot predict this part, for
+    example because its free run diverges.
     """
     pooled = {part: np.concatenate(list(arrays)) for part, arrays in residuals.items()}
     for part, values in pooled.items():
@@ -130,12 +132,12 @@ def left_out_summary(
 def with_levels(
     left_out: LeftOut, training: Mapping[float | None, Sequence[Array]], parameters: int
 ) -> LeftOut:
-    """Return the summary with statistics of the training residuals added. `training` holds the
+    """Add statistics of the training residuals to the summary, and return it. `training` holds the
     residuals of each training recording, by level (None without levels).
 
     The root mean square of the training residuals is multiplied by `sqrt((n + p)/(n - p))` for n
-    samples and p parameters, if n is larger than p. The result is the error to be expected on n new
-    samples (Akaike's final prediction error).
+    samples and p parameters, if n is larger than p. The product is an estimate of the error on new
+    samples, which is larger than the residuals of the fit (Akaike's final prediction error).
     """
     every = np.concatenate(
         [recording for level in training.values() for recording in level] or [np.zeros(1)]
@@ -161,7 +163,7 @@ def with_levels(
 
 def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
     """Return the standard deviation between recordings of one level, from the training residuals of
-    each recording of each level; NaN without repeats.
+    each recording of each level; NaN if no level has several recordings.
 
     A recording is represented by the means of `BLOCKS` parts, so that not only offsets between
     recordings but also different slopes are found. The contribution of the noise of the samples is
@@ -184,8 +186,9 @@ def scatter_of_recordings(levels: Sequence[Sequence[Array]]) -> float:
 
 
 def interval_limits(left_out: LeftOut) -> str | None:
-    """Return a text that says why there is no interval, or which errors the interval does not
-    include, and which measurements would help. Return None if the interval is complete.
+    """Return a text for the reader if there is no interval, or if the interval does not include all
+    errors. The text gives the reason, and the measurements that would help. Return None if the
+    interval is complete.
     """
     if left_out.astray > ASTRAY:
         return (
@@ -214,8 +217,8 @@ def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
     """Return half of the width of the interval that contains a sample of a new curve with
     probability `level`, shape (n,).
 
-    `at`, (n,), is the level quantity of each sample; it has no effect without levels. The result is
-    NaN if there are no intervals.
+    `at`, (n,), holds the value of the level quantity at each sample. If the model has no levels,
+    `at` is not used. The result is NaN if there are no intervals.
     """
     if left_out.astray > ASTRAY:
         return np.full(len(at), np.nan)
@@ -225,8 +228,9 @@ def half_widths(left_out: LeftOut, at: Array, level: float) -> Array:
 
 
 def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
-    """Return half of the width of the interval at the levels `at`, (n,); NaN if the data do not
-    determine it.
+    """Return half of the width of the interval for a model with levels, (n,). `at`, (n,), holds the
+    value of the level quantity at each sample. The result is NaN if the data do not determine the
+    width.
     """
     # imported here, because the import is slow and most runs do not need it
     from scipy.special import stdtrit
@@ -255,8 +259,8 @@ def of_levels(left_out: LeftOut, at: Array, level: float) -> Array:
 
 
 def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:
-    """Return the gap between levels in which each sample lies, its place in the gap from 0 to 1,
-    and the width of the gap, shape (n,) each.
+    """Return, for each value of the level quantity `at`, the index of the gap between two levels in
+    which it lies, its position in the gap from 0 to 1, and the width of the gap, shape (n,) each.
     """
     places = np.array(left_out.places)
     gap = np.clip(np.searchsorted(places, at, side="right") - 1, 0, max(len(places) - 2, 0))
@@ -270,8 +274,9 @@ def gaps(left_out: LeftOut, at: Array) -> tuple[IntArray, Array, Array]:
 def between_levels(
     left_out: LeftOut, at: Array, level: float, scales: Mapping[int, float] = FEW
 ) -> Array:
-    """Return half of the width of the interval at the levels `at`, (n,), of a model with three to
-    six levels. For so few levels, errors between levels follow a separate rule.
+    """Return the lower bound of half of the width of the interval, (n,), for a model with three to
+    six levels. `at`, (n,), holds the value of the level quantity at each sample. With so few
+    levels, the errors of the model between levels follow a separate rule (see the module).
     """
     from scipy.special import ndtri
 
@@ -290,9 +295,9 @@ def between_levels(
 
 
 def many_curves(left_out: LeftOut, level: float) -> float:
-    """Return half of the width of the interval for left-out recordings, specimens or blocks. It is
-    the larger of two values: one from Student's t distribution over curves, and one from the
-    quantile of the absolute residuals.
+    """Return half of the width of the interval if the left-out parts are recordings, specimens or
+    blocks. Two values are computed: one from Student's t distribution over the parts, and one from
+    the quantile of the absolute residuals. The larger value is returned.
     """
     from scipy.special import stdtrit
 
@@ -316,8 +321,8 @@ def half_widths_of(model: Model, columns: Columns, level: float) -> Array:
 def intervals_of(model: Model, level: float) -> LeftOut:
     """Return the summary of left-out errors from which the intervals of a model are computed.
 
-    Raises UsageError for a level that is not between 0 and 1; DataError for a model without
-    left-out residuals.
+    Raises UsageError if the probability `level` is not between 0 and 1; DataError for a model
+    without left-out residuals.
     """
     if not 0 < level < 1:
         raise UsageError(

@@ -38,8 +38,8 @@ with an arbitrary zero.
 
 
 def normaliser(kind: str, ends: tuple[float, float], quantity: str, split: str) -> Normaliser:
-    """Return the normaliser of one `kind` in `NORMALISERS`. It is computed from the smallest and
-    the largest sample of a split.
+    """Return the number by which errors are divided. `kind` is a key of `NORMALISERS`, and `ends`
+    are the smallest and the largest measured value of a split.
     """
     name, size = NORMALISERS[kind]
     return Normaliser(name.format(quantity, split), size(*ends), ends[1] - ends[0])
@@ -71,7 +71,8 @@ def judged(dataset: Dataset) -> list[BoolArray]:
 
 
 def bands(dataset: Dataset, predictions: Mapping[str, tuple[Array, ...]]) -> tuple[ErrorBand, ...]:
-    """Return the RMSE of every model in each band, over the `judged` samples.
+    """Return the RMSE of every model in each band of the measured value, over the samples by which
+    models are judged (`judged`).
 
     `predictions` holds, for each model, the predictions of every curve of the dataset. A band
     without samples is left out.
@@ -110,7 +111,7 @@ HELD = 1 << 20
 they are read again, block by block, for each statistic.
 """
 
-# name of each split, and True if its samples are held out
+# name of each split, and whether its samples are held out
 SPLITS = (
     ("train", False),
     ("validate", True),
@@ -118,8 +119,8 @@ SPLITS = (
 
 
 def divisor(dataset: Dataset, kind: str) -> Normaliser:
-    """Return the normaliser of all errors of a study. It is computed from the held-out rows, as in
-    the papers, or from the training rows if no rows are held out.
+    """Return the number by which all errors of a study are divided. It is computed from the
+    held-out rows, as in the papers. If no rows are held out, it is computed from the training rows.
     """
     held_out = any(curve.held_out.any() for curve in dataset.curves)
     masks = [curve.held_out == held_out for curve in dataset.curves]
@@ -128,8 +129,8 @@ def divisor(dataset: Dataset, kind: str) -> Normaliser:
 
 
 def ends_of(columns: Sequence[Array], masks: Sequence[BoolArray]) -> tuple[float, float]:
-    """Return the smallest and the largest value in all columns. In each column, only the rows in
-    its mask are used.
+    """Return the smallest and the largest value of all columns together. `masks` selects the rows
+    of each column that are used.
     """
     ends = [extremes(x, mask) for x, mask in zip(columns, masks, strict=True) if mask.any()]
     low, high = zip(*ends, strict=True)
@@ -137,8 +138,8 @@ def ends_of(columns: Sequence[Array], masks: Sequence[BoolArray]) -> tuple[float
 
 
 def on_common_rows(forecasts: Mapping[str, Sequence[Forecast]]) -> dict[str, tuple[Forecast, ...]]:
-    """Return the forecasts of every model, restricted to the rows that all models predict. Without
-    this restriction, models that need earlier samples would be scored on fewer rows than others.
+    """Return the forecasts of every model, restricted to the rows that all models predict.
+    Otherwise, a model that needs earlier samples would be scored on fewer rows than other models.
     """
     common = [
         np.logical_and.reduce([forecast.ready for forecast in curve])
@@ -164,13 +165,13 @@ def score_rows(
     group: str | None = None,
     free: int = 0,
 ) -> Iterator[Score]:
-    """Yield the score rows of one model from its `forecasts` of the dataset's curves. With
-    `partial`, only samples with a prediction count.
+    """Yield the rows of the score table for one model. `forecasts` holds its predictions of every
+    curve. If `partial` is True, samples without a prediction are ignored.
 
     Each split has rows for all samples, for each curve, for each direction of a curve, and for each
-    value of the quantity `group`. There is no row without a predicted sample. `scale` is the
-    `divisor` of the study; `free` is the number of parameters that were fitted to all training
-    samples.
+    value of the quantity `group`. A row without a predicted sample is left out. `scale` is the
+    number by which errors are divided (see `divisor`). `free` is the number of parameters that were
+    fitted to all training samples.
     """
     for split, held in SPLITS:
         rows: dict[tuple[int, Any], tuple[str, list[ScoredSamples]]] = {}
@@ -192,8 +193,8 @@ def score_rows(
 
 @dataclass(frozen=True)
 class ScoredSamples:
-    """Samples of one curve with a forecast. Only the samples in the mask `wanted`, (n,), are
-    used.
+    """Samples of one curve, with their measured and predicted values. Only the samples in the mask
+    `wanted`, (n,), are used.
     """
 
     curve: Curve
@@ -225,7 +226,8 @@ def _rows_of(
     curve: Curve, wanted: BoolArray, number: int, group: str | None
 ) -> Iterator[tuple[tuple[int, Any], str, BoolArray]]:
     """Yield the rows of the score table to which the `wanted` samples of a curve, (n,), contribute.
-    For each row, yield its place in the table, its name, and a mask of its samples.
+    For each row, yield a sorting key (its position in the table), its name, and a mask of its
+    samples.
     """
     yield (0, number), curve.id, wanted
     if DIRECTION in curve.columns:
@@ -241,7 +243,9 @@ def _rows_of(
 
 
 def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int) -> Compared:
-    """Join the samples of several curves to the samples of one row of the score table."""
+    """Return one row of the score table. Its samples are those of all `parts`, which may belong to
+    several curves.
+    """
 
     def blocks() -> Iterator[SampleBlock]:
         return chain.from_iterable(part.blocks() for part in parts)

@@ -17,12 +17,13 @@ NEIGHBOURS = 0.6
 to 99 % of new curves at 4 to 20 levels (`docs/interval_tables.py`).
 """
 
-# with fewer degrees of freedom, the variance between curves counts as unknown
+# with fewer degrees of freedom, the variance between curves is treated as unknown
 LEAST_FREEDOM = 1.5
 CLEAR, CHANCE = 1.25, 0.2
-"""Limits beyond which the squared errors of left-out levels show an error of the model. The first
-is their ratio to the part that noise and differences between curves explain. The second, used if
-repeats determine these differences, is the probability with which chance alone exceeds the ratio.
+"""Limits for the mean square error of left-out levels. The model is wrong between levels if this
+error is more than `CLEAR` times the value that noise and differences between curves explain. If
+repeated recordings determine these differences, the ratio must also be larger than the value that
+chance alone exceeds with the probability `CHANCE`.
 """
 
 
@@ -30,12 +31,14 @@ repeats determine these differences, is the probability with which chance alone 
 class Offsets:
     """Variances between samples and between curves of one level, and the errors of left-out levels.
 
-    - `noise`: mean square of the differences from sample to sample. `smooth`: the part of `noise`
-      that neighbouring samples share, for example because a model does not bend enough. `square`:
-      mean square of the differences between curves, with `freedom` degrees of freedom. `repeated`:
-      True if `square` is computed from repeated recordings.
-    - `missed`: mean square error of the `left_out` levels, 0 if no level was left out. `explained`:
-      the part of `missed` that noise and, with repeats, differences between curves explain.
+    - `noise`: mean square of the training residuals, without the differences between recordings.
+    - `smooth`: the part of `noise` that neighbouring samples have in common, for example because a
+      model does not bend enough.
+    - `square`: mean square of the differences between curves, with `freedom` degrees of freedom.
+    - `repeated`: True if `square` is computed from repeated recordings.
+    - `missed`: mean square error of the `left_out` levels, 0 if no level was left out.
+    - `explained`: the value of `missed` for a model without errors between levels. It is `noise`,
+      plus the differences between curves if `square` is computed from repeated recordings.
     """
 
     noise: float
@@ -49,8 +52,8 @@ class Offsets:
 
     @property
     def errs_between(self) -> bool:
-        """Return True if the errors of left-out levels are clearly larger than the variances
-        between samples and between curves explain.
+        """Return True if the model is wrong between levels: the errors of left-out levels are
+        clearly larger than the variances between samples and between curves explain.
         """
         from scipy.special import fdtri
 
@@ -59,8 +62,8 @@ class Offsets:
 
     def half_width(self, share: Array, level: float) -> Array:
         """Return half of the width of the interval that contains a sample of a new curve with
-        probability `level`. `share`, (n,), is the factor c of the variance between curves (see the
-        module `intervals`).
+        probability `level`. The variance between curves is multiplied by `share`, (n,), which is c
+        in the module `intervals`.
         """
         from scipy.special import ndtri, stdtrit
 
@@ -76,8 +79,8 @@ class Offsets:
 
 
 def offsets_of(left_out: LeftOut) -> Offsets | None:
-    """Return the variances between samples and between curves; None if the data do not determine
-    them.
+    """Compute the variances between samples and between curves of one level, and return them with
+    the errors of left-out levels. Return None if the data do not determine the variances.
     """
     n = np.array(left_out.repeats)
     count = len(left_out.places)

@@ -20,9 +20,9 @@ MOST = 500  # largest number of outliers that are listed
 
 
 def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple[Outlier, ...]:
-    """Return the training samples that lie more than `FAR` scales from the prediction of a model.
-    At most `MOST` samples are returned, the farthest first. A model with memory predicts one step
-    ahead.
+    """Return the training samples whose residuals are larger than `FAR` times the scale of the
+    residuals. At most `MOST` samples are returned, the farthest first. A model with memory predicts
+    one step ahead.
 
     Because a model with memory uses measured outputs, it may also be wrong at the sample after an
     outlier. Residuals are divided by their uncertainty if it is known. The scale is the number
@@ -52,8 +52,9 @@ def outliers(dataset: Dataset, forecasts: Sequence[Forecast], fit: Fit) -> tuple
 
 
 def _found_at(dataset: Dataset, at: int) -> tuple[str, str, str]:
-    """Return the curve of a sample, and its place: the file and the row in this file. `at` is the
-    number of the sample, counted over all curves.
+    """Return the curve of a sample, the file from which the sample was read, and its row in this
+    file. `at` is the number of the sample if the samples of all curves are counted one after the
+    other.
     """
     ends = np.cumsum([curve.size for curve in dataset.curves])
     number = int(np.searchsorted(ends, at, side="right"))

@@ -14,14 +14,15 @@ from mapmore_cli.domain.arrays import Array, BoolArray, IntArray, root_mean_squa
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.cycles import SWING, bin_means, cycle_starts, turning_points
 
-# Number of bins over the range of a curve, in which the samples of a branch are averaged. With
-# bins, a rest at one place has no more weight than a movement past this place.
+# The range of a curve is divided into this number of bins, and samples are averaged in each bin.
+# A long rest at one place then has no more weight than a movement past this place.
 BINS = 200
 
 
 class _Branch(NamedTuple):
-    """A branch: the samples of one recording in one direction, at given values of the constant
-    inputs. `means` holds means of the target at places along the varying input.
+    """The samples of one recording in one direction, rising or falling. They have the same values
+    of the inputs that are constant within a recording. `means` holds places along the varying
+    input, and the mean of the target at each place.
     """
 
     log: str
@@ -39,11 +40,11 @@ def repeats(
     Recordings of one curve repeat each other if every constant input has the same value in them.
     Each recording is split into a rising and a falling branch along the single input that varies. A
     branch is averaged in bins, and interpolated linearly between them, but not outside its ends.
-    The result is NaN if no other recording has a value there. Pieces of one log do not repeat each
-    other; `logs` gives the log of each recording.
+    The result is NaN if no other recording has a value there. Pieces of the same log are not
+    compared with each other; `logs` gives the log of each recording.
 
-    The result is None if nothing repeats: with no or several varying inputs, or if the recordings
-    of the samples are unknown.
+    The result is None if no or several inputs vary, if no recordings repeat each other, or if it is
+    unknown to which recordings the samples belong.
     """
     along = [
         name
@@ -100,10 +101,11 @@ def _branches(
 
 
 def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
-    """Return, at each sample of `branches`, (n,), the mean of the branches of all other logs.
+    """Return, for each sample of `branches`, the mean of all branches that belong to other logs,
+    (n,). It is evaluated at the value `x` of the varying input at this sample.
 
-    It is computed from the sum of all branches minus the branches of the same log, so that the time
-    for one log does not grow with the number of logs.
+    The sum of all branches is computed once, and the branches that belong to the same log as the
+    sample are subtracted. The time for one log therefore does not grow with the number of logs.
     """
     means = np.full(len(x), np.nan)
     kinds: dict[tuple[bool | float, ...], dict[str, list[_Branch]]] = {}
@@ -124,12 +126,13 @@ def _means_of_others(branches: Sequence[_Branch], x: Array) -> Array:
 
 
 def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
-    """Return the sum of all branches at the places `at`, and the number of branches that have a
-    value there, shape (n,) each. Branches are interpolated between their means.
+    """Add up all branches at the places `at`. Return the sum, and the number of branches that have
+    a value at each place, shape (n,) each.
 
-    A branch consists of straight lines from one mean to the next. The sum at a place is therefore a
-    running sum: all lines that begin before the place are added, and all lines that end before it
-    are subtracted. Extended precision is used, because steep lines would leave rounding errors.
+    A branch consists of straight lines from one mean to the next. The sum at a place is the sum of
+    all lines that begin before this place, minus the sum of all lines that end before it. Both sums
+    are computed for all places at once, as cumulative sums. Extended precision is used, because
+    steep lines would leave rounding errors.
     """
     lines = [
         (x, np.append(x[1:], np.nextafter(x[-1], np.inf)), y, np.append(np.diff(y) / np.diff(x), 0))
@@ -149,23 +152,25 @@ def _sum_of(branches: Sequence[_Branch], at: Array) -> tuple[Array, Array]:
     return whole.astype(np.float64), running(np.ones(len(y))).astype(np.float64)
 
 
-# A cycle has the same course as an earlier cycle if the root mean square difference of their
-# inputs is at most this fraction of the range of the input.
+# Two cycles have the same course in time if their driven inputs differ little at equal times:
+# the root mean square difference is at most this fraction of the range of the input.
 SAME_COURSE = 0.05
 
 
 def repeated_cycles(
     curves: Sequence[Curve], target: str, driven: str, logs: Mapping[str, str]
 ) -> tuple[Array, ...] | None:
-    """Return the target of the last training cycle of `driven`, repeated from the beginning of
-    every held-out cycle, shape (n_c,) for every curve.
+    """Return the target of the last training cycle at the samples of every held-out cycle, shape
+    (n_c,) for every curve. A cycle is a rise and a fall of the quantity `driven`.
 
-    If cycles of the quantity have the same course in time, for example in a programme of steps,
-    each sample is compared with the training cycle at the same time after the beginning. Otherwise,
-    for example for loops that are driven by hand, it is compared at the same value on the same
-    stroke (rise or fall). The result is NaN for training data, and for samples of a held-out cycle
-    that lasts longer or reaches farther than the training cycle. The whole result is None if no log
-    has both training and held-out cycles, or if curves are levels instead of recordings.
+    If a held-out cycle has the same course in time as the training cycle, for example in a
+    programme of steps, each sample is compared with the training cycle at the same time after the
+    beginning. Otherwise, for example for loops that are driven by hand, it is compared with the
+    training cycle at the same value of `driven` and in the same direction (rise or fall).
+
+    The result is NaN for training data, and for samples of a held-out cycle that lasts longer or
+    reaches farther than the training cycle. Instead of arrays, None is returned if no log has both
+    training and held-out cycles, or if curves are levels instead of recordings.
     """
     if any(curve.level is not None for curve in curves):
         return None
@@ -180,8 +185,9 @@ def repeated_cycles(
 def by_log(
     curves: Sequence[Curve], logs: Mapping[str, str], driven: str, target: str
 ) -> Iterator[tuple[list[int], Array, Array, BoolArray]]:
-    """Yield four results for each log: the numbers of the curves that are pieces of this log, and
-    the columns `driven`, `target` and `held_out` of these curves, joined one after the other.
+    """Yield the data of each log, which may consist of several curves: the numbers of these curves,
+    and their columns `driven`, `target` and `held_out`. The columns of all curves of the log are
+    joined in their order.
     """
     pieces: dict[str, list[int]] = {}
     for number, curve in enumerate(curves):
@@ -218,8 +224,8 @@ def _again(x: Array, y: Array, held_out: BoolArray) -> Array:
 
 def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
     """Return the target of the last training cycle at the values `x`, (n,), of a held-out cycle.
-    Before the maximum of `x`, it is taken from the rising branch, and after the maximum from the
-    falling branch.
+    For samples before the maximum of `x`, the rising branch of the training cycle is interpolated.
+    For later samples, the falling branch is interpolated.
     """
     values = np.empty(len(x))
     peak, peak_last = int(np.argmax(x)), int(np.argmax(x_last))
@@ -234,12 +240,12 @@ def _on_strokes(x: Array, x_last: Array, y_last: Array) -> Array:
     return values
 
 
-WORTH = 0.02  # a floor below this fraction of the largest target is not mentioned
+WORTH = 0.02  # floors are reported only if the largest exceeds this fraction of the largest target
 
 
 def floors(x: Sequence[Array], y: Sequence[Array]) -> list[float]:
     """Return the `monotone_floor` of every curve y(x), as a fraction of the largest target over all
-    curves. The list is empty if all of them are small.
+    curves. Return an empty list if no floor is larger than `WORTH`.
     """
     largest = max(float(np.abs(values).max()) for values in y) or 1.0
     shares = [monotone_floor(*curve) / largest for curve in zip(x, y, strict=True)]

@@ -35,24 +35,22 @@ from mapmore_cli.modelling.validation.intervals import NORMAL
 from mapmore_cli.modelling.validation.metrics import judged
 
 LAGS = 25  # longest lag in samples; in short records, a shorter one is used
-# number of parts of the range of an input for which the mean residual is tested
-# Each of these parts of the range has the same number of samples.
+# The mean residual is tested in this number of parts of the range of an input.
 PARTS = 10
 
 
-FEWEST = 20  # smallest number of samples that are tested
+FEWEST = 20  # smallest number of samples for which residuals are tested
 
 
 def residual_tests(
     model: Model, dataset: Dataset, predicted: Sequence[Array], order_by: str | None
 ) -> tuple[ResidualTest, ...]:
-    """Return the autocorrelation of the residuals, and a test of the residuals with each input. The
-    tests use the `judged` samples. The result is empty if there are few samples, or if all errors
-    are equal.
-
-    `predicted` has an array for each curve. With `order_by`, samples are in the order of that
-    quantity, and the mean residual is tested in parts of each input's range. Without `order_by`,
-    samples are in the order of time, and the residuals are correlated with each input.
+    """Return the autocorrelation of the residuals, and a test of the residuals with each input.
+    Only the samples by which a model is judged (`metrics.judged`) are tested. The result is empty
+    if there are fewer than `FEWEST` samples, or if all residuals are equal. `predicted` holds the
+    predictions of each curve. With `order_by`, samples are in the order of that quantity, and the
+    mean residual is tested in parts of each input's range. Without `order_by`, samples are in the
+    order of time, and the residuals are correlated with each input.
     """
     residuals: list[Array] = []
     columns: dict[str, list[Array]] = {quantity.name: [] for quantity in model.inputs}
@@ -88,8 +86,9 @@ def _pieces(
     curve: Curve, wanted: BoolArray, order_by: str | None
 ) -> Iterator[IntArray | BoolArray]:
     """Yield the wanted samples in the order in which they are tested. Without `order_by`, yield a
-    mask, (n,), for each recording of the curve. With `order_by`, yield the row numbers of all
-    recordings together, in the order of this quantity; a long curve is thinned evenly.
+    mask, (n,), for each recording of the curve. With `order_by`, yield one array with the row
+    numbers of the whole curve, in the order of this quantity. Of a long curve, only every k-th row
+    is used.
     """
     if order_by is not None:
         every = 1 if curve.size <= PART else -(-curve.size // MANY)
@@ -180,9 +179,11 @@ def means_over(name: str, residuals: Array, x: Array) -> ResidualTest:
 
 
 def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
-    """Yield, for each input of known uncertainty, the fraction of the mean squared training
-    residual that this uncertainty explains. An error of the input changes the output of the model
-    by the slope of the model times the error. No fit can remove this change.
+    """Yield a sentence for each input of known uncertainty. It gives the fraction of the mean
+    squared training residual that this uncertainty explains.
+
+    An error of the input changes the output of the model by this error times the slope of the
+    model. No fit can remove this change.
     """
     unsure = [
         quantity for quantity in model.inputs if uncertainty_of(quantity.name) in dataset.quantities
@@ -203,8 +204,8 @@ def explained_by_inputs(model: Model, dataset: Dataset) -> Iterator[str]:
 
 TINY = float(np.finfo(np.float64).tiny)
 
-SAME = 1e-9  # two predictions with a smaller relative difference count as equal
-# if a larger fraction of held-out samples is outside the training range, scores test extrapolation
+SAME = 1e-9  # two predictions with a smaller relative difference are treated as equal
+# A warning is given if a larger fraction of the held-out samples lies outside the training range.
 MOSTLY = 0.5
 
 ROWS = {"train": "training data", "validate": "held-out data"}
@@ -213,8 +214,8 @@ ROWS = {"train": "training data", "validate": "held-out data"}
 def alarms(
     model: Model, dataset: Dataset, predictions: Sequence[Array], scores: Sequence[Score]
 ) -> tuple[str, ...]:
-    """Return warnings that a reader must know before the scores of the run's own model, one
-    sentence for each.
+    """Return warnings about the scores of the run's own model, one sentence for each. A reader must
+    know them before the scores.
 
     `predictions` holds the predictions of the model for every curve of the dataset.
     """
@@ -244,7 +245,7 @@ def _of_scores(row: Score) -> Iterator[str]:
     if not np.isfinite(row.rmse):
         yield f"the model has no finite error on the {where}, so that it is useless"
         return
-    r2 = round(row.r2, 9) + 0.0  # rounded, so that zero is recognised
+    r2 = round(row.r2, 9) + 0.0  # rounded, because R² of the mean value may differ from 0 slightly
     if r2 <= 0:
         comparison = "no better than" if r2 == 0 else "worse than"
         yield (
@@ -259,7 +260,9 @@ def _of_scores(row: Score) -> Iterator[str]:
 
 
 def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -> Iterator[str]:
-    """Yield a sentence if the pieces change nothing in the output of their backbone."""
+    """Yield a sentence if the output of the model is that of its backbone, so that the segments
+    have no effect.
+    """
     body = model.body
     if not isinstance(body, Pieces) or body.backbone is None:
         return

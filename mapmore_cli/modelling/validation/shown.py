@@ -1,5 +1,5 @@
-"""Choose the samples of a validation that the report shows. This is done while all samples are in
-memory.
+"""Choose the samples of a validation that the report shows. The samples are chosen while all of
+them are in memory.
 """
 
 from __future__ import annotations
@@ -20,12 +20,14 @@ from mapmore_cli.modelling.validation.residuals import residual_tests
 
 
 def for_report(validation: Validation, model: Model, dataset: Dataset) -> Validation:
-    """Return the validation with error bands, residual tests, and the samples that figures show.
-    Error bands and residual tests are computed from all samples.
+    """Return the validation with error bands and residual tests, and with the samples that figures
+    show. Error bands and residual tests are computed from all samples.
 
-    Of a curve with more than `MANY` samples, figures show the samples with the smallest and the
-    largest measured value and error in each of `MANY / 4` consecutive parts. Of a long recording,
-    figures show the samples with the extremes of its quantities.
+    If a curve has more than `MANY` samples, its rows are divided into `MANY / 4` consecutive parts.
+    From each part, figures show four samples: those with the smallest and the largest measured
+    value, and those with the smallest and the largest error. Long recordings are divided into parts
+    too; from each part, figures show the samples with the smallest and the largest value of each
+    quantity.
     """
     predictions = validation.predictions
     predicted = next(iter(predictions.values()))
@@ -61,8 +63,9 @@ def for_report(validation: Validation, model: Model, dataset: Dataset) -> Valida
 
 
 def _extremes(columns: Sequence[tuple[Array, ...]]) -> IntArray:
-    """Return at most `MANY` row numbers: those of the extremes of every column in consecutive parts
-    of the rows. For a pair of columns, they are the extremes of the difference of both columns.
+    """Return at most `MANY` row numbers. The rows are divided into consecutive parts, and the rows
+    with the smallest and the largest value of each column in each part are returned. If an element
+    of `columns` has two columns, the differences of both are used as values.
     """
     rows = [envelope(values[0], MANY // len(columns), *values[1:]) for values in columns]
     return np.unique(np.concatenate(rows))
@@ -85,7 +88,7 @@ def is_turned(model: Model, dataset: Dataset) -> bool:
 
 def course_quantity(model: Model, dataset: Dataset) -> str:
     """Return the input of the model that varies within a curve. For a model without inputs, return
-    a measured quantity: neither the time nor, if there is another quantity, the target.
+    a measured quantity other than the time and, if possible, other than the target.
     """
     ranges = [
         {name: extremes(x) for name, x in curve.columns.items()}

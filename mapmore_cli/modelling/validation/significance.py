@@ -81,9 +81,10 @@ that diverged.
 """
 
 WITHIN = (0.02, 0.18)
-"""Smallest and largest mean difference of logarithms that counts as within one standard error: 2 %
-and a fifth. The lower limit is there because new data differ by more than that, even if all folds
-agree. The upper limit is there because one standard error can be very large with few folds.
+"""Limits of one standard error of the mean difference of logarithms: errors may differ by 2 % at
+least, and by a fifth at most. The lower limit is needed because new data differ by more than that,
+even if all folds agree. The upper limit is needed because one standard error can be very large with
+few folds.
 """
 
 PRICE = 0.05
