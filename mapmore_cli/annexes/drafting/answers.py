@@ -21,9 +21,9 @@ FORM = (
 )
 # a comma inside the brackets of an array's address, as in `tip[:,0]:mm`, separates no entries
 _COMMA = re.compile(r",(?![^\[(]*[\])])")
-# a title in quotes, which may contain separators: `"Kraft, z=1":N`
+# a title in quotes may contain separators: `"Kraft, z=1":N`
 _QUOTED = re.compile(r"""(?<![^,=\s])(["'])(.+?)\1(?=\s*(?:[,:=]|$))""")
-_HIDDEN = 0xF0000  # private characters that stand for separators inside quotes
+_HIDDEN = 0xF0000  # private Unicode characters, which stand for separators inside quotes
 _ENTRY = re.compile(r"(.*?):([^:\]]*)", re.DOTALL)
 _QUANTITY = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NUMBER = r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"

@@ -46,9 +46,10 @@ class Part:
         return any((np.diff(x) < 0).any() for x in self.column.values)
 
     def follows(self, coarser: Part) -> bool:
-        """Return True if the numbers suit a part that follows the `coarser` part. For seconds that
-        follow minutes, all numbers must be smaller than 60; if the seconds restart from zero, the
-        largest must be at least 30. The rule for other units is the same, with other numbers.
+        """Return True if the numbers suit a part that follows the `coarser` part. For example,
+        seconds that follow minutes must all be smaller than 60; if they restart from zero, the
+        largest must be at least 30. The same rule holds for other units, with the number of units
+        in the coarser unit instead of 60.
         """
         turn = round(coarser.second / self.second)
         highest = max(float(x.max()) for x in self.column.values)

@@ -65,8 +65,8 @@ class TitledColumn:
 
     @property
     def kind(self) -> str:
-        """Kind of the column: `position`, `pressure`, or `force` for forces and loads; empty for
-        other quantities.
+        """Kind of the quantity: `position`, `pressure`, or `force` for forces and loads; empty for
+        any other quantity.
         """
         return KINDS.get(self.quantity, "")
 
@@ -159,7 +159,7 @@ class TitledColumn:
 
     @property
     def summaries(self) -> list[str]:
-        """Texts in rows that were computed from other rows, for example `mean`."""
+        """Texts of the column that mark rows computed from other rows, for example `mean`."""
         return [text for text in self.texts if text.casefold() in SUMMARIES]
 
     @property

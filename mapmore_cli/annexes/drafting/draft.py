@@ -103,7 +103,8 @@ class Note:
     sure: bool = True
 
     def __str__(self) -> str:
-        why = " ".join(printable(self.why).split())  # titles of columns may contain any character
+        # titles may contain control characters and line breaks
+        why = " ".join(printable(self.why).split())
         return f"# {'' if self.sure else 'CHECK: '}{why}"
 
 

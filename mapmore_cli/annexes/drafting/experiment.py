@@ -17,15 +17,21 @@ from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.study.sections.data import Cycles
 
-# samples farther from a level than this fraction of the distance between levels are left out
+# a sample is left out if its distance from the nearest level is more than this fraction of the
+# distance between levels
 NEAR = 0.1
 
 
 @dataclass(frozen=True)
 class Held:
-    """The quantity `of` that was held constant, its levels `at`, the quantity that was `swept`, and
-    the reason (`why`) for which `of` counts as held. If samples between levels must be left out,
-    `within` is the largest distance of a sample from its level.
+    """A quantity that was held constant, and how this was found out.
+
+    - `of`: the quantity that was held constant.
+    - `at`: its levels.
+    - `within`: the largest distance of a sample from its level, if samples between levels must be
+      left out; otherwise None.
+    - `swept`: the quantity that was swept at each level.
+    - `why`: the reason why `of` is regarded as held constant.
     """
 
     of: str
@@ -87,7 +93,7 @@ def find_held(
             return None
         (values,) = levels.values()
         if is_table and sum(one.rows_kept for one in recordings) < FEWEST * len(values):
-            # few samples at each value mean that the quantity moved in steps, and was not held
+            # with few samples at each value, the quantity moved in steps and was not held constant
             return None
     of = asked or next(iter(levels))
     swept = next((name for name in inputs if name not in (of, *levels)), None)
@@ -104,9 +110,9 @@ def find_held(
 
 
 def own_levels(recordings: Sequence[Recording], name: str) -> list[float] | None:
-    """Return the levels of a quantity that stays near one value in each recording; None if it has
-    no such levels, or only one such level. The gap between neighbouring levels is more than half
-    of the movement at any level.
+    """Return the levels of a quantity that stays near one value in each recording. Return None if
+    there are fewer than two levels, or if a gap between neighbouring levels is at most half as wide
+    as the largest range of values at one level.
     """
     series = [one.columns[name] for one in recordings if one.rows_kept]
     ends = np.array(sorted(np.quantile(values, (0.05, 0.95)).tolist() for values in series))
@@ -127,9 +133,9 @@ def _neat(middle: float, scatter: float) -> float:
 
 
 def set_values(recordings: Sequence[Recording], name: str) -> list[float]:
-    """Return the distinct values of a quantity if there are more than two, and each of them occurs
-    at least three times on average. Otherwise return an empty list. A quantity with two values may
-    be a switch.
+    """Return the distinct values of a quantity if there are at least three, and if each of them
+    occurs at least three times on average. Otherwise return an empty list. A quantity with only two
+    values may be a switch.
     """
     values, counts = np.unique(
         np.concatenate([one.columns[name] for one in recordings]), return_counts=True
