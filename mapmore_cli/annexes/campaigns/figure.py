@@ -29,11 +29,11 @@ FLOOR: dict[str, Any] = {
 
 
 def campaign_figures(scores: CampaignScores) -> list[Drawing]:
-    """Return a list with the figure of the errors, or an empty list if there is a single run. In
-    the figure, each run is a line of dots along a logarithmic axis. The dots are the errors of the
-    run's own model, of the model `relative_to`, of the best of the other models, and of repeated
-    measurements. If there are very many runs, only some are drawn, including the run with the
-    smallest error.
+    """Return a list with the figure of the errors, or an empty list if there is a single run or no
+    error is known. In the figure, each run is a line of dots along a logarithmic axis. The dots are
+    the errors of the run's own model, of the model `relative_to`, of the best of the other models,
+    and of repeated measurements. If there are very many runs, only some are drawn, including the
+    run with the smallest error.
     """
     pooled = scores.pooled
     every = [*pooled]

@@ -43,8 +43,8 @@ def command_for_one_table(folder: Path) -> str | None:
     """Return the shell command that writes the channels of a folder side by side into one table.
 
     Return None if this is not possible: there are fewer than two text files, one of them is no
-    channel, two of them hold the same channel, or they differ in their number of rows or in their
-    time.
+    channel, two of them hold the same channel, they differ in their number of rows or in their
+    time, or they have a time but no titles.
     """
     if not folder.is_dir():
         return None

@@ -18,7 +18,7 @@ from mapmore_cli.modelling.signals.plateau import default_within, find_levels, m
 from mapmore_cli.study.sections.data import Cycles
 
 # a sample is left out if its distance from the nearest level is more than this fraction of the
-# distance between levels
+# smallest distance between two levels
 NEAR = 0.1
 
 

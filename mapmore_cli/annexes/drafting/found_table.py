@@ -71,8 +71,7 @@ class FoundTable:
     @property
     def rank(self) -> tuple[int, int]:
         """Sort key by which one of several tables is chosen. The best table has the smallest number
-        of text columns that begin with a text that contains digits. Among equals, it has the most
-        rows.
+        of text columns whose first text contains a digit. Among equals, it has the most rows.
         """
         texts = (cells for place, cells in enumerate(self.columns) if place not in self.numeric)
         doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in texts if cells)
@@ -144,11 +143,11 @@ class FoundTable:
 
         Lines are examined from the numbers upwards until one does not fit:
 
-        - Blank lines below the titles, and above a line of units, are skipped.
-        - Lines that are remarks, but not as wide as the table, are skipped, too.
+        - Blank lines are skipped as long as no line of titles was found.
         - A cell that contains only the beginning of a remark, for example `#`, is treated as empty.
         - A line with numbers does not fit, unless its cell above an empty column says what the
           numbers are, for example `Count:`.
+        - A line that does not fit, but begins like a remark, is skipped.
         """
         lines: dict[int, list[str]] = {}
         last = max(place for place, cells in enumerate(self.columns) if cells)
@@ -172,11 +171,14 @@ class FoundTable:
         return lines
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
-        """Return the index of the line of titles. This line contains titles of at least half of the
-        columns of numbers, and is no line of units, except if there is no other line. If several
-        lines fulfil this, the line with the largest number of different texts is returned and,
-        among equals, the first. If all of these lines are remarks, the last of those with the most
-        texts is returned.
+        """Return the index of the line of titles; None if there is none. The line contains titles
+        of at least half of the columns of numbers, and is no line of units, except if there is no
+        other line.
+
+        If several lines fulfil this, lines that are no remarks are preferred. Among them, the line
+        with the largest number of different texts is returned and, among equals, the first. If all
+        of the lines are remarks, the line with the largest number of different texts is returned
+        and, among equals, the last.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:

@@ -26,7 +26,7 @@ UNITS = {
     for quantity, (like, words_of_units) in _WRITTEN.items()
     for word in words_of_units.split()
 }
-# if a number has a unit of one of these, the word beside it names the quantity, if there is one
+# units of these quantities do not say what was measured, so the word beside the number comes first
 BY_WORD = ("length", "percent")
 RUNS = (
     "test|run|rep|repeat|trial|take|try|no|nr|num|cycle|loop|log|file|data|set|exp|experiment|part"

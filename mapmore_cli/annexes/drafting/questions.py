@@ -38,8 +38,9 @@ class Option:
 
 @dataclass(frozen=True)
 class Question:
-    """A question that the data cannot answer. `form` says how to answer, and `take` returns the
-    resulting answers, or raises UsageError.
+    """A question that the data cannot answer. `options` are the possible choices, `form` says how
+    to write the reply, and `take` returns the answers with this reply added; it raises UsageError
+    for an invalid reply.
     """
 
     text: str
@@ -105,7 +106,7 @@ def course(values: Sequence[Array], width: int = 40) -> str:
 
 
 def _target(asked: Asked) -> Question | None:
-    with suppress(UsageError):  # the target may still be unknown at this time
+    with suppress(UsageError):  # UsageError means that the target is still unknown
         if asked.answers.target or asked.view(asked.answers):
             return None
 

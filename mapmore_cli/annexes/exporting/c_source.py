@@ -129,8 +129,8 @@ def c_source(model: Model, single: bool = False) -> CSource:
 
 
 class CSource(NamedTuple):
-    """A model in C: the `name` of its functions, its program, its dialect, and the variables of the
-    templates with their values (`words`).
+    """A model in C: the `name` of its functions, its program, its dialect, and `words`, the values
+    of the variables in the templates.
     """
 
     name: Code

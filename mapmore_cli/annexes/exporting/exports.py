@@ -35,13 +35,14 @@ Exporter = Callable[[Model, Wanted], Mapping[str, str | bytes]]
 
 
 class Form(NamedTuple):
-    """A form in which `mapmore export` writes models.
+    """A format in which `mapmore export` writes models.
 
     - `write`: function that returns the files by name.
-    - `snippet`: template in `sources/snippets/` with lines that call the files; empty if there is
-      nothing to call.
-    - `options`: options of the command that work with this form.
-    - `whole`: True if all outputs of a model are written together, otherwise each is written alone.
+    - `snippet`: template in `sources/snippets/` with lines that show how the files are called;
+      empty if there is nothing to call.
+    - `options`: options of the command that work with this format.
+    - `whole`: True if all outputs of a model are written into the same files. Otherwise, each
+      output gets its own files.
     - `notice`: True if files of code get the notice of mapmore's licence.
     - `endings`: endings of the names of those files that are written for every model, for example
       `_main.c`. The name of the model stands before the ending.
@@ -79,8 +80,8 @@ EXPORTERS |= {
 
 
 def snippet(model: Model, to: str, files: Sequence[str]) -> str:
-    """Return lines that call the exported `files` in the middle of the training range; empty if
-    there is nothing to call.
+    """Return lines of code that show how the exported `files` are called, for a point in the middle
+    of the training range; empty if there is nothing to call.
     """
     form = EXPORTERS[to]
     if not form.snippet:
@@ -101,10 +102,9 @@ def snippet(model: Model, to: str, files: Sequence[str]) -> str:
 
 
 def names_of_files(model: Model, to: str) -> list[str]:
-    """Return the names of the files that a form writes for every model. The names are known before
-    the code is made. A form of a plug-in has none.
-
-    Raises UsageError if there is no such form, and for a name of the model without a letter.
+    """Return the names of the files that a format writes for every model. The names can be found
+    without writing the code. For a format of a plug-in, the list is empty. Raises UsageError if
+    there is no such format, or if the name of the model contains no letter.
     """
     form = _form(to)
     return [
@@ -122,7 +122,9 @@ def _form(to: str) -> Form:
 
 
 def _parts(model: Model, form: Form) -> Sequence[Model]:
-    """Return the models that a form writes one by one: the model, or the model of each output."""
+    """Return the models that are written one after the other: the whole model if the format writes
+    all outputs together, otherwise the model of each output.
+    """
     return [model] if form.whole else model.each
 
 

@@ -91,7 +91,9 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
             # the default date of 1980 is kept, so that the same model gives the same bytes
             entry = zipfile.ZipInfo(name)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 3  # the file counts as made on Unix, whatever the system
+            # 3 means Unix; it is written on every system, so that the same model gives the same
+            # bytes
+            entry.create_system = 3
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, data)
     return {f"{unit.name}{'' if standard == 2 else '_fmi3'}.fmu": stream.getvalue()}
@@ -166,9 +168,9 @@ def _powers(base: BaseUnits | None) -> dict[str, float] | None:
 
 
 def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
-    """Yield the variables of an FMU: the inputs, the measured output if the model feeds it back,
-    the output, and the bits of `outside_range`. The inputs and the measured output get names that
-    are not in `taken`.
+    """Yield the variables of an FMU: the inputs, the measured output if the model needs it to
+    start, the output, and `outside_range`, whose bits show which inputs are outside their training
+    range. No input and no measured output gets a name that is in `taken`.
     """
     model, memory = written.words["model"], written.words["memory"]
     measured = [
@@ -189,7 +191,8 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
                 "value"
             )
         elif low:
-            # start value: zero, or the end of the training range (at the lowest level) next to zero
+            # the start value is zero or, if zero is outside the training range of the lowest level,
+            # the end of this range that is nearest to zero
             start = float(min(max(0.0, low[0]), high[0]))
             about = f"Trained from {min(low):.6g} to {max(high):.6g} {quantity.unit}"
         about = about if name == quantity.name else f"{quantity.name}. {about}"

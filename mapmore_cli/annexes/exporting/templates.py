@@ -155,8 +155,8 @@ def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dic
 
 
 def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
-    """Return the name of the output in code, as a function or a variable. `names` are the names of
-    the inputs in code, by default the result of `names_of_inputs`.
+    """Return the name of the output in code, where it is the name of a function or a variable.
+    `names` are the names of the inputs in code, by default the result of `names_of_inputs`.
     """
     input_names = [*(names_of_inputs(model.inputs).values() if names is None else names)]
     functions = [function.name for function in program_of(model).functions]

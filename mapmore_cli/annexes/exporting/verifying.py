@@ -55,7 +55,9 @@ MACHINES = {
 
 
 class CompilerMissing(Exception):
-    """No compiler was found, or it cannot compile at all; the message says which."""
+    """No compiler was found, or the compiler cannot compile even an empty program. The message
+    gives the reason.
+    """
 
 
 class CompilerFailed(CompilerMissing):
@@ -192,8 +194,8 @@ def _verify(model: Model, command: Sequence[str], folder: Path, close: float = C
 
 
 def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> Array:
-    """Return the numbers that code prints in a separate process. Raises MapmoreError if it
-    fails.
+    """Return the numbers that a program prints. The program runs in a separate process. Raises
+    MapmoreError if it fails.
     """
     try:
         done = subprocess.run(
@@ -216,8 +218,9 @@ def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> 
 
 
 def points(model: Model) -> Columns:
-    """Return random points in and around the training range (up to a fifth outside). For a model
-    with memory, return a random recording with its output instead.
+    """Return random points for a comparison, (n,) for each input: inside the training range and up
+    to a fifth of its width outside. For a model with memory, the points are a recording with equal
+    time steps, and contain random values of the measured output, too.
     """
     rng, code = np.random.default_rng(1), program_of(model)
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
@@ -232,8 +235,8 @@ def points(model: Model) -> Columns:
 
 
 def middle(model: Model) -> dict[str, float]:
-    """Return, for each input, the middle of the range that is common to all levels, with four
-    digits.
+    """Return, for each input, the middle of the range that is common to all levels, rounded to four
+    significant digits.
     """
     return {
         name: float(f"{np.mean([max(low, default=0.0), min(high, default=0.0)]):.4g}")
@@ -242,8 +245,8 @@ def middle(model: Model) -> dict[str, float]:
 
 
 def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
-    """Return both ends of the training range of each input at every level; empty if it is
-    unknown.
+    """Return the lower and the upper ends of the training range of each input, one of each for
+    every level. The lists of an input are empty if its range is unknown.
     """
     limits, ends = program_of(model).limits, {}
     for name in model.input_names:

@@ -52,7 +52,8 @@ class Picture:
 
 @dataclass(frozen=True)
 class Plan:
-    """Candidates, the best first, and what a reader must know about them."""
+    """The result of `plan`: candidates, the best first, and everything that is reported with them.
+    """
 
     name: str
     target: Quantity

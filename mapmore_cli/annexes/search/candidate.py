@@ -1,5 +1,5 @@
-"""Define candidates: parts of a spec with placeholders, which are words in capitals. The names and
-numbers of a study are inserted for them.
+"""Define candidates: parts of a spec with placeholders. A placeholder is a word in capitals, such
+as `TARGET`, which is replaced by a name or a number of the study.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ a structure that behaves differently from what its file of candidates says.
 
 
 def continuations(candidate: Tried) -> list[Tried]:
-    """Return a candidate with each of the behaviours in `WAYS` outside the range of a curve. The
-    first one is that of the candidate itself, which holds the value at the end of a curve if its
-    file of candidates sets none.
+    """Return copies of a candidate, one for each behaviour in `WAYS` outside the range of a curve.
+    The first copy has the behaviour that the candidate itself sets; if it sets none, it holds the
+    value at the end of the curve.
     """
     own = candidate.sections.get(BEYOND, "saturate")
     return [
@@ -71,9 +71,9 @@ def continuations(candidate: Tried) -> list[Tried]:
 
 
 def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tried]:
-    """Yield the candidates that a family offers for a study, not tried yet: the items of its
-    `candidates`, with values in place of their placeholders. The family's settings in `fit` apply
-    to candidates that have none of their own.
+    """Yield the candidates that a family offers for a study: the items of its `candidates`, with
+    values in place of their placeholders. None of them has been tried yet. Candidates without their
+    own settings in `fit` get those of the family.
     """
     if family.get("timed") and not of.timed:
         return
@@ -96,8 +96,10 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tri
 
 
 def _applies(when: Mapping[str, int], of: Situation) -> bool:
-    """Return True if the study fulfils the requirements of a candidate: at most the given number
-    for the keys in `MOST`, at least that number for all others.
+    """Return True if the study fulfils the conditions in `when`, which holds a number for each key.
+    The property of the study must be at most this number for the keys in `MOST`: `inputs: 4`
+    requires at most four inputs. It must be at least this number for all other keys: `steps: 256`
+    requires at least 256 steps.
     """
     has = {
         "inputs": len(of.inputs),
@@ -177,10 +179,10 @@ WORD = re.compile(r"[A-Z][A-Z_]+|\bN\b")
 def filled(part: Any, words: Mapping[str, Any]) -> Any:
     """Return a part of a spec with values in place of its placeholders.
 
-    If an item of a list is replaced by several values, they all become items of the list.
-    `{every: TEXT, WORD: values, ...}` is replaced by a list with one copy of the text for each of
-    the values. A setting without values is left out, and so is a description of states whose `of`
-    is empty.
+    If an item of a list is replaced by several values, all of them become items of the list.
+    `{every: TEXT, WORD: values, ...}` is replaced by a list that contains TEXT once for each of the
+    values of WORD. A key whose value is an empty list is left out. A mapping whose key `of` is an
+    empty list is left out as a whole.
     """
     match part:
         case str():
@@ -201,7 +203,9 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
 
 
 def combinations(loops: Mapping[Any, Any], words: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """Yield each combination of the values of several placeholders, by the placeholder."""
+    """Yield each combination of the values of several placeholders, as a mapping from the
+    placeholder to its value.
+    """
     values = {name: filled(each, words) for name, each in loops.items()}
     for some in product(*values.values()):
         yield dict(zip(values, some, strict=True))
