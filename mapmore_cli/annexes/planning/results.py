@@ -52,8 +52,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Plan:
-    """The result of `plan`: candidates, the best first, and everything that is reported with them.
-    """
+    """Result of `plan`: the candidates, the best first, and everything reported with them."""
 
     name: str
     target: Quantity

@@ -91,8 +91,7 @@ def tried_ways(candidate: Tried, bench: Bench) -> list[Outcome]:
 
 
 def _going_on(model: Model, way: Tried) -> Model:
-    """Return a copy of a model, with the behaviour outside the range of its curves that `way` sets.
-    """
+    """Return a copy of a model. Outside the range of its curves, it behaves as `way` says."""
     body, beyond = model.body, way.sections.get(BEYOND)
     if beyond is None or not isinstance(body, Pieces):
         return model
