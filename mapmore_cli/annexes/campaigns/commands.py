@@ -163,9 +163,9 @@ def _view(
     pages: Sequence[tuple[Path, Sequence[Table]]],
     no_pages: bool,
 ) -> View:
-    """Return what the command prints: for each run, how it ended; and the tables, which are the
-    tables on the `pages` of campaigns, followed by tables of the runs that belong to no campaign.
-    With `no_pages`, the paths of the pages of runs are not printed.
+    """Return the output of the command: lines that say how each run ended, the tables on the
+    `pages` of the campaigns, and tables of the runs that belong to no campaign. With `no_pages`,
+    the paths of the pages of runs are left out.
     """
     from mapmore_cli.annexes.campaigns.page import scores_of
     from mapmore_cli.annexes.campaigns.tables import campaign_tables

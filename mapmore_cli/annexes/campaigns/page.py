@@ -145,8 +145,8 @@ def render_campaign(
     pages: Mapping[str, str],
     failed: Mapping[str, str],
 ) -> str:
-    """Return the page of a campaign as HTML. By the name of the run, `pages` holds the link to the
-    page of a run, and `failed` the message of a run that failed.
+    """Return the page of a campaign as HTML. `pages` holds, by the name of a finished run, the link
+    to its page; `failed` holds, by the name of a failed run, its error message.
     """
     from mapmore_cli.reporting.report import MOST_ROWS
 

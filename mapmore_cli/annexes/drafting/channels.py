@@ -87,9 +87,7 @@ def _channel_in(file: Path) -> Channel | None:
 
 
 def _pasted(channels: Sequence[Channel], table: str) -> str:
-    """Return the command that writes the channels side by side. The table has the time of the
-    first.
-    """
+    """Return the command that writes the channels side by side, after the time of the first."""
     first, *others = channels
     # without `-d`, `paste` and `cut` separate columns by tabs
     mark = "" if first.delimiter in ("", "\t") else f" -d{quote(first.delimiter)}"

@@ -17,8 +17,7 @@ from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.study.sections.data import Cycles
 
-# a sample is left out if its distance from the nearest level is more than this fraction of the
-# smallest distance between two levels
+# samples farther from a level than this fraction of the smallest gap between levels are left out
 NEAR = 0.1
 
 

@@ -26,7 +26,7 @@ UNITS = {
     for quantity, (like, words_of_units) in _WRITTEN.items()
     for word in words_of_units.split()
 }
-# units of these quantities do not say what was measured, so the word beside the number comes first
+# a unit of length or `%` does not identify the quantity, so the word beside the number is used
 BY_WORD = ("length", "percent")
 RUNS = (
     "test|run|rep|repeat|trial|take|try|no|nr|num|cycle|loop|log|file|data|set|exp|experiment|part"

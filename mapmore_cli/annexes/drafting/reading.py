@@ -38,8 +38,7 @@ from mapmore_cli.study.units import default_unit
 
 MOST_FILES = 5  # largest number of files from which the columns are found
 MOST_SHOWN = 12  # largest number of columns that are named in one line
-# if the cells of a column hold more different words than this, the words do not stand for missing
-# numbers
+# largest number of different words in a column that may stand for missing numbers
 MOST_WORDS = 3
 
 T = TypeVar("T")
@@ -131,8 +130,7 @@ def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dic
         numbers = [x[np.isfinite(x)] for x in cells]
         words, is_down = [*meter.texts["label"]], how == "down"
         is_again = (FEWEST_ROWS if is_down else 2) * len(words) <= sum(map(len, numbers))
-        # if the first cells of the column are empty, its texts are remarks and not the names of
-        # blocks
+        # texts are no names of blocks if the first cells of the column are empty
         is_everywhere = len(words) > 1 and [*map(len, cells)] == [*map(len, numbers)]
         if is_again and all(map(len, numbers)) and (is_everywhere or not is_down):
             return {column: (words, numbers, how)}

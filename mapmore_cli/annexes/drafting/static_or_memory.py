@@ -20,14 +20,11 @@ from mapmore_cli.study.units import default_unit
 
 # smallest number of samples of a study with memory, in all recordings together
 FEWEST = 200
-# time steps are made longer if the recordings of a study with memory together have more samples
-# than this
+# with more samples in all recordings together, a study with memory gets longer time steps
 MOST = 6_000
-# if time steps are made longer, a recording of median duration keeps at least this number of
-# samples
+# number of samples that a recording of median length must keep if time steps are made longer
 LEAST = 100
-# a recording is a single point if the target varies within recordings by at most this fraction of
-# its variation between recordings
+# recordings are single points if they vary less than this fraction of the differences between them
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 

@@ -51,8 +51,8 @@ def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Dr
     column holds the strain already, or if there is no length and no displacement, only the length
     of the muscle is added to the draft, and the name is empty.
 
-    Contraction is positive: a displacement gets a minus sign if its largest absolute value is
-    negative. `conditions` are the values in names of files.
+    The strain is positive in contraction: a displacement gets a minus sign if its value with the
+    largest magnitude is negative. `conditions` are the values in names of files.
     """
     draft = draft.with_section("muscle", {"length": length})
     columns = draft.data["columns"]

@@ -91,9 +91,7 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
             # the default date of 1980 is kept, so that the same model gives the same bytes
             entry = zipfile.ZipInfo(name)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            # 3 means Unix; it is written on every system, so that the same model gives the same
-            # bytes
-            entry.create_system = 3
+            entry.create_system = 3  # always 3 (Unix), so that every system writes the same bytes
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, data)
     return {f"{unit.name}{'' if standard == 2 else '_fmi3'}.fmu": stream.getvalue()}
@@ -191,8 +189,7 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
                 "value"
             )
         elif low:
-            # the start value is zero or, if zero is outside the training range of the lowest level,
-            # the end of this range that is nearest to zero
+            # start at the value nearest to zero in the training range of the lowest level
             start = float(min(max(0.0, low[0]), high[0]))
             about = f"Trained from {min(low):.6g} to {max(high):.6g} {quantity.unit}"
         about = about if name == quantity.name else f"{quantity.name}. {about}"

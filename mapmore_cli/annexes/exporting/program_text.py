@@ -172,8 +172,7 @@ class Body:
     def _choose(self, choice: Choose) -> None:
         dialect, names = self.dialect, choice.names
         conditions = [self._condition(condition) for condition, _ in choice.cases]
-        # names of this body are valid within a block, but names of a block are not valid outside of
-        # it
+        # a block can use the names of this body, but its own names are valid only within the block
         sides = [
             replace(self, lines=[] if dialect.branches else self.lines, known=dict(self.known))
             for _ in choice.blocks

@@ -79,14 +79,14 @@ class Motion:
     """Sections along an input (equations 14 to 17 of Brown and Xie 2024).
 
     With `hard` switching, every section is simulated with the whole input, and the output of the
-    active section is used. With `carried` switching, a section starts from the state of the section
-    before it. With `bumpless` switching, neighbouring sections also have equal steady outputs at
-    their boundary.
+    active section is used. With `carried` switching, a section that becomes active continues from
+    the state of the section before it. With `bumpless` switching, neighbouring sections also have
+    equal steady outputs at their boundary.
 
     The direction of the input matters if `directed` is True. With bumpless switching, the direction
-    changes when the input has turned back by more than `dead_band`. With the other switchings,
-    `dead_band` is 0, and the input falls at each sample at which it is not larger than one sample
-    before.
+    changes when the input has turned back by more than `dead_band`. With hard or carried switching,
+    `dead_band` is 0, and the input is falling at each sample at which it is not larger than one
+    sample before.
     """
 
     input: Annotated[QuantityName, "the input"]

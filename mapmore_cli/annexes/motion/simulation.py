@@ -29,8 +29,7 @@ from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.records import uninterrupted
 
-# largest absolute value of a reflection coefficient; closer to 1, rounding errors would decide
-# whether a section is stable
+# largest reflection coefficient; above it, rounding errors decide whether a section is stable
 EDGE = 1.0 - 1e-9
 
 
@@ -201,8 +200,7 @@ def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Ar
     return states[:n]
 
 
-# the last two wavelengths of an input are equal if they differ by at most this fraction of its
-# range
+# the input repeats if its last two wavelengths differ by at most this fraction of its range
 REPEATS = 1e-3
 
 

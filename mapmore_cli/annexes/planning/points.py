@@ -24,8 +24,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-# the worth of a point is multiplied by `SLACK` if its expected |target| is below the fraction
-# `LITTLE` of the largest |target|
+# weight of points with a small |target|, and the fraction of the largest |target| that is small
 SLACK, LITTLE = (
     0.15,
     0.02,

@@ -31,8 +31,8 @@ GAIN = 0.05
 
 def outdone_note(result: Search, bench: Bench) -> str:
     """Return a note if the error of a black box is clearly smaller than that of the structure that
-    was found; otherwise an empty text. The errors are compared on whole parts of the data if the
-    study holds out such parts, otherwise on stretches.
+    was found; otherwise an empty text. If the study mostly holds out whole parts of the data, the
+    errors on left-out parts are compared; otherwise, the errors on left-out stretches.
     """
     asked = attrgetter("parts" if bench.asks_parts else "error")
     boxes = [one for one in result.tried if one.family == BLACK_BOX]

@@ -74,8 +74,7 @@ def search(
     situation = situation_of(training, part.ignored, part.model.inputs)
     ordered = part.in_order(dataset)
     uneven = _uneven(dataset) if situation.timed or ordered else ()
-    # without a step, models with memory are not tried; they cannot be fitted if levels are left out
-    # or time steps are uneven
+    # models with memory cannot be fitted if levels are left out or time steps are uneven
     step = None if part.by_level or uneven else situation.step
     situation = replace(situation, step=step, ordered=ordered and step is None)
     added = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
