@@ -1,5 +1,5 @@
-"""Use the workers of a running Dask cluster: they receive paths, and find the files on a shared
-file system.
+"""Do jobs on the workers of a running Dask cluster. The workers receive the paths of files and find
+the files on a shared file system.
 
 Only names of files, settings and scores go over the network. `distributed` is imported only here.
 """
@@ -131,8 +131,8 @@ ATTEMPTS = 3
 
 
 def checked_workers(client: Client, shared: Shared, attempts: int = ATTEMPTS) -> int:
-    """Return the number of workers. Raises UsageError if they cannot run the jobs or are lost while
-    they are checked, WriteError if they do not see the folder of runs.
+    """Check all workers, and return their number. Raises UsageError if they cannot run the jobs or
+    if some are lost during the check, WriteError if they do not see the folder of runs.
     """
     from distributed.comm import CommClosedError
 
@@ -159,7 +159,9 @@ def checked_workers(client: Client, shared: Shared, attempts: int = ATTEMPTS) ->
 
 
 def _connected(scheduler: str | Path) -> Client:
-    """Return a client. Raises UsageError if the library or the scheduler is missing."""
+    """Connect to a scheduler, and return the Dask client. Raises UsageError if the library is
+    missing or no scheduler answers.
+    """
     try:
         from distributed import Client
     except ImportError:

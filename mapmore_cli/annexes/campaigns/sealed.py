@@ -61,7 +61,8 @@ def known_by_seal(job: Job, name: str) -> Finished | None:
     if sealed is None or sealed["question"] != _question(job, run_dir):
         return None
     answer = sealed["answer"]
-    with suppress(OSError, DataError):  # a source may be missing, or a pattern may match nothing
+    # raised if a source is missing, or if a pattern matches no file
+    with suppress(OSError, DataError):
         if (
             not still_holds(run_dir, sealed)
             or not is_tidy(run_dir)

@@ -161,10 +161,10 @@ def _known(error: float) -> float:
 
 
 def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell, Cell, Cell]:
-    """Return the summary of the ratio of one model's RMSE to another model's RMSE, over the runs
-    that have both models: geometric mean, largest value, and the number of runs in which the first
-    model is better. The entries are None if `model` is the repeatability of measurements, which is
-    no model.
+    """Return a summary of the ratio of one model's RMSE to another model's RMSE, over the runs that
+    have both models: the geometric mean, the largest value, and a text with the number of runs in
+    which the first model is better. All three are None if `model` is the repeatability of
+    measurements, which is no model.
     """
     both = [run for run in scores.pooled.values() if {model, relative_to} <= run.keys()]
     pairs = [(_known(run[model].rmse), run[relative_to].rmse) for run in both]

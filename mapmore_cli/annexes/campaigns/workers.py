@@ -1,4 +1,4 @@
-"""Do jobs in worker processes of this machine, which a signal can stop."""
+"""Do jobs in worker processes of this machine. A signal to the main process can stop them."""
 
 from __future__ import annotations
 

@@ -30,7 +30,9 @@ this unit end, and the length of the unit in seconds.
 
 @dataclass(frozen=True)
 class Part:
-    """A column that may be a part of a clock, and its unit."""
+    """A column that may be one part of a clock, for example the seconds, and the unit of its
+    numbers.
+    """
 
     column: TitledColumn
     unit: str
@@ -57,9 +59,9 @@ class Part:
 
 
 def clock_in_parts(table: Table) -> dict[Column, str]:
-    """Return the columns of a clock in parts (for example seconds and nanoseconds) and their units;
-    empty if titles and values do not both show such a clock. The coarsest part may have any numbers
-    from zero on.
+    """Return the columns of a clock in parts (for example seconds and nanoseconds) and their units.
+    Return an empty dictionary if the titles name no such parts, or if the values do not suit them.
+    The numbers of the coarsest part may be any numbers from zero on.
     """
     found: dict[str, Part] = {}
     for one in table.values():

@@ -239,11 +239,11 @@ def read_titles(layout: Layout, raw: Raw, texts: Mapping[Column, Texts] | None =
 def _read_title(
     column: Column, place: int, title: str, values: Sequence[Array], line: str
 ) -> TitledColumn:
-    """Return a column. If its unit does not suit the quantity in its title, for example volts for a
-    force, the title names no quantity.
+    """Return a column with the quantity and the unit that its title gives. If the unit does not
+    suit the quantity, for example volts for a force, the column gets no quantity.
     """
     label = read_label(title.translate(HALF_WIDTH))
-    # cells that are shown in per cent contain fractions, whatever the title says
+    # cells that are displayed in per cent hold fractions, even if `%` stands in the title
     is_ratio = line == "1"
     texts = ["1"] if is_ratio else [*units_in(title), line]
     unit = next((one for text in texts if (one := unit_of(text))), "")

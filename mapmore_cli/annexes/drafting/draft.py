@@ -192,8 +192,8 @@ def yaml_text(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: str) -> 
 
 
 def _ten_digits(value: object) -> object:
-    """Return a value with numbers of at most ten digits, and whole numbers without a decimal
-    point.
+    """Return a value in which all numbers are rounded to ten significant digits. Whole numbers have
+    no decimal point.
     """
     match value:
         case dict():

@@ -42,9 +42,9 @@ class Held:
 
 @dataclass(frozen=True)
 class Experiment:
-    """The recordings of a study, the names of its inputs and its target, the held quantity, the
-    values in names of files, and the quantities that distinguish the recordings of one file
-    (`apart`).
+    """What is known about an experiment: the recordings of a study, the names of its inputs and its
+    target, the quantity that was held constant, the values in names of files (`conditions`), and
+    the quantities that distinguish the recordings of one file (`apart`).
     """
 
     recordings: Sequence[Recording]
@@ -61,14 +61,18 @@ def find_held(
     hold: Hold | None,
     conditions: Conditions,
 ) -> Held | None:
-    """Return the quantity that was held constant while another input moved; None if nothing was
-    held constant, or only at a single level.
+    """Return the quantity that was held constant while another input moved. Return None if nothing
+    was held constant, or if there is only a single level.
 
-    If a person names a quantity, this one is returned. Otherwise, it is the only input whose values
-    are in names of files, or which stays constant in each recording. If there is no such input and
-    the study is a table without a clock, it is the only input that takes a few values repeatedly.
-    Each of these values must have enough samples for a curve. `conditions` are the values in names
-    of files, which are also columns of the recordings.
+    If a person names the quantity, this quantity is used. Otherwise, it must be the only input with
+    levels:
+
+    - An input has levels if it stays near one value in each recording, for example because its
+      values are in names of files.
+    - If no input has such levels, and the study is a table without a clock, an input has levels if
+      it takes a few values repeatedly, each with enough samples for a curve.
+
+    `conditions` are the values in names of files, which are also columns of the recordings.
 
     Raises
     ------

@@ -69,7 +69,9 @@ class Asked:
     answers: Answers
 
     def options(self, but: Iterable[Column] = ()) -> tuple[Option, ...]:
-        """Return the columns in the list that `init` prints, with the same numbers."""
+        """Return the columns from which a person can choose, except those in `but`. They have the
+        same numbers as in the list that `init` prints.
+        """
         columns = listed(self.table, but).items()
         return tuple(Option(str(at), one.described, course(one.values)) for at, one in columns)
 

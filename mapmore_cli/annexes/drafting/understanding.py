@@ -68,8 +68,9 @@ class Understood:
 def understood(
     study: Study, table: Table, answers: Answers, path: str, is_driven: bool = False
 ) -> Understood:
-    """Return which quantities a study has, from the titles of columns, the names of files and the
-    answers of a person; `is_driven` is True if a second log holds an input.
+    """Find out which quantities of a study are targets, inputs and levels. Use the titles of
+    columns, the names of files and the answers of a person. `is_driven` is True if a second log
+    holds an input.
 
     Raises
     ------

@@ -167,8 +167,8 @@ def functions(words: Mapping[str, Any]) -> str:
 
 
 def _inverses(words: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield, for every input with a known training range, the variables of the template of the
-    function that solves for this input.
+    """Yield the values of the variables in the template of an inverse function, once for every
+    input with a known training range. The function finds this input for a wanted output.
     """
     for name, in_code in names_of_inputs(words["model"].inputs).items():
         try:

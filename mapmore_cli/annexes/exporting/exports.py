@@ -1,7 +1,7 @@
 """Export models to other languages, as files by name.
 
-An exporter takes a model and a request, and returns its files. `EXPORTERS` declares every form by
-the word after `mapmore export --to`.
+An exporter is a function that takes a model and a request, and returns files. `EXPORTERS` holds
+every format by its name in `mapmore export --to`.
 """
 
 from __future__ import annotations
@@ -115,7 +115,7 @@ def names_of_files(model: Model, to: str) -> list[str]:
 
 
 def _form(to: str) -> Form:
-    """Return one of the `EXPORTERS`. Raises UsageError if there is no such form."""
+    """Return one of the `EXPORTERS` by its name. Raises UsageError if there is no such format."""
     if to not in EXPORTERS:
         raise UsageError(f"there is no export to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
     return EXPORTERS[to]
@@ -137,11 +137,12 @@ def exported(
     verify: bool = True,
     warn: Warn = lambda _text: None,
 ) -> dict[str, bytes]:
-    """Return the files of a model by one of the `EXPORTERS`; C may be of `single` precision.
+    """Return the files of a model in one of the formats of `EXPORTERS`. With `single`, C code is
+    written in single precision.
 
-    With several outputs, C is one function; other forms are written for each output, with its name.
-    `csv` needs the points of a `grid`; `table` has the points of a `grid`, or spreads points over
-    the training range.
+    If the model has several outputs, the C code is one function for all of them; most other formats
+    have files for each output, with its name. `grid` gives the points of `csv` and `table`. `csv`
+    needs it; without it, `table` has points that are spread over the training range.
 
     With `verify`, the code of `c`, of FMUs, modules and functions is compared with `predict`.
     `warn` is called if an FMU has no binary for this machine, and if nothing could be compared
@@ -165,7 +166,7 @@ def exported(
 
 
 def _refuse_odd(to: str, files: object) -> None:
-    """Raise UsageError if a plug-in returns no files, or returns files for other folders."""
+    """Raise UsageError if a plug-in returns no files, or a file with a folder in its name."""
     fault = ""
     if not isinstance(files, Mapping):
         fault = f"returns {type(files).__name__} instead of files by name"

@@ -167,7 +167,8 @@ def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
 
 def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
     """Return notes for the head of an exported file: a line for each input whose name in code
-    differs from its own, and a line for the shape that the model keeps.
+    differs from its name in the model, and lines for the shape conditions that the model fulfils,
+    for example that the output increases with an input.
     """
     renamed = [
         f"The input {name} is called {other} here."
@@ -218,7 +219,7 @@ def templates(language: str) -> Environment:
         raise TypeError(f"neither a text nor a number: {value!r}")
 
     def noted(text: str) -> Code:
-        # on a page, the text `</script>` ends a script even inside a comment
+        # in a web page, the text `</script>` ends a script even inside a comment of the script
         return Code(note(text).replace("<", "{3C}")) if language == "mjs" else note(text)
 
     loader = PackageLoader(__package__, "sources")

@@ -156,8 +156,8 @@ class MotionVerbs(Verbs):
         return SimulatedRun(values)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return `y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` for every section; `units` is
-        as in `kinds.equations`.
+        """Return the equation `y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section,
+        with its numbers. `units` is as in `kinds.equations`.
         """
         motion = _motion(model)
         delayed = {

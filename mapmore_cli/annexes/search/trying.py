@@ -59,10 +59,11 @@ long lags say nothing about short recordings.
 
 
 def tried_ways(candidate: Tried, bench: Bench) -> list[Outcome]:
-    """Fit a structure, and return an outcome for each of its `continuations`, which say how the
-    model continues outside the range of a curve. The continuation of the candidate itself comes
-    first. If the study sets the extrapolation, no other continuation is tried. A continuation is
-    left out if its errors equal those of an earlier continuation on every sample.
+    """Fit a structure, and return its outcomes: one for each way in which the model can continue
+    outside the range of a curve (`continuations`). The outcome of the candidate itself comes first.
+
+    If the study sets the extrapolation, the candidate is tried only in this way. A continuation is
+    left out if its errors equal those of an earlier continuation at every sample.
     """
     choices = choices_of(candidate.sections, bench.part)
     model, whole = refit_near(choices, bench.dataset, None)
@@ -127,11 +128,12 @@ output in its range.
 def _refusal(model: Model, bench: Bench) -> str:
     """Return the reason why a model is refused whatever its errors are; empty if it is accepted.
 
-    If inputs repeat, a model with poles on the unit circle continues the record like a clock,
-    whatever drives it. Therefore a fed-back model is refused if the start of a free run still makes
-    it oscillate late in the longest recording. Two free runs are compared: one starts at the
-    measured output, the other a tenth of the range higher. An integrator keeps its offset and does
-    not oscillate.
+    If the inputs repeat, a model with poles on the unit circle can oscillate in time with them, and
+    predict the recording well without depending on the inputs. Therefore, a model that feeds its
+    output back is refused if the start of a free run still makes it oscillate late in the longest
+    recording. Two free runs are compared: the first starts at the measured output, the second
+    higher by a tenth of the range. An integrator is not refused, because it keeps its offset and
+    does not oscillate.
     """
     longest = max(bench.dataset.curves, key=attrgetter("size"))
     target, columns = bench.dataset.target, longest.columns

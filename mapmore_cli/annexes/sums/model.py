@@ -190,7 +190,9 @@ class SumVerbs(Verbs):
         )
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the sum of models, each with its sign and with its own names of the inputs."""
+        """Write the program of a sum: the models of its parts, each with its sign, and with its own
+        names for the inputs.
+        """
         values = []
         for part in model.body_of(Sum).parts:
             value = _value(m, part, inputs)
