@@ -127,7 +127,9 @@ def run_on_cluster(
 
 
 ATTEMPTS = 3
-"""How often all workers are checked if one of them is lost meanwhile."""
+"""Largest number of times that all workers are checked. The check is repeated if a worker is lost
+during it.
+"""
 
 
 def checked_workers(client: Client, shared: Shared, attempts: int = ATTEMPTS) -> int:

@@ -17,7 +17,9 @@ ROUNDING = 1e-10
 would leave no space for the others.
 """
 MOST_RUNS = 100
-"""Largest number of runs in the figure of a campaign; more are thinned."""
+"""Largest number of runs in the figure of a campaign. If there are more, evenly spaced runs are
+drawn.
+"""
 
 BEST_OTHER = "best of the others"
 FLOOR: dict[str, Any] = {

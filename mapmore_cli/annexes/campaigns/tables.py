@@ -18,12 +18,14 @@ from mapmore_cli.domain.scores import (
 from mapmore_cli.reporting.table import MODEL, Cell, Cells, Column, Columns, Table
 
 Pooled = Mapping[str, Score]
-"""The decisive scores of a run, by model: all curves pooled, for the held-out rows if there are
-any.
+"""Scores of a run by which models are compared, by model: over all curves pooled, on the held-out
+data if there are any.
 """
 
 SPARSE = 0.5
-"""Smallest share of filled cells for which a table of all runs by all models is easy to read."""
+"""A table with a row for every run and a column for every model is used if at least this fraction
+of its cells have a value.
+"""
 
 
 @dataclass(frozen=True)

@@ -202,7 +202,9 @@ another quantity.
 """
 
 SINCE_1970 = (946_684_800.0, 4_102_444_800.0)
-"""Seconds from 1970 to the years 2000 and 2100: clocks of computers count from 1970 on."""
+"""Seconds from the beginning of 1970 to the years 2000 and 2100. Clocks of computers count from
+1970 on, so a time between these limits is a date of this century.
+"""
 
 SUMMARIES = {
     *("mean", "average", "avg", "median", "std", "sd", "stdev", "stddev", "min", "max", "sum"),
@@ -211,7 +213,7 @@ SUMMARIES = {
 """Words in rows below a table that were computed from the rows above, for example `mean`."""
 
 FEWEST_ROWS = 5
-"""Smallest mean number of rows in the recordings that a column distinguishes."""
+"""A column may distinguish recordings if these have at least this number of rows on average."""
 
 Texts = tuple[Sequence[str], Sequence[Array], bool | str]
 """The different texts of a column; for each file an array `(n,)` with the number of each cell's

@@ -50,8 +50,8 @@ class Question:
 
 
 Ask = Callable[[Question], str]
-"""Function that asks a question and returns a person's answer; `b` returns to the previous
-question. After an impossible answer, it asks again.
+"""Function that asks a question and returns a person's answer. The answer `b` returns to the
+previous question. After an invalid answer, the question is asked again.
 """
 View = Callable[[Answers], Understood]
 """Function that interprets answers: it returns the columns, targets and inputs of the study."""
@@ -203,4 +203,6 @@ def _groups(asked: Asked) -> Question | None:
 
 
 QUESTIONS = (_target, _inputs, _held_out, _groups)
-"""The questions, each of which is asked only if it is open."""
+"""Functions that return the questions in their order. A function returns None if its question need
+not be asked.
+"""

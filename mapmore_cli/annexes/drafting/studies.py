@@ -203,8 +203,8 @@ def _with_comments(layout: Layout, files: Sequence[Path]) -> Layout:
 
 
 Identity = tuple[str | int, ...]
-"""The name, the quantity and the unit of a column, as far as they are equal in all files of a
-study.
+"""What identifies a column in all files of a study: its name, its quantity and, if all files must
+have the same unit, its unit.
 """
 
 

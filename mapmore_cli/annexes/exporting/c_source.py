@@ -56,15 +56,15 @@ further bit, and an `int` may have only 16 bits.
 """
 
 STATUS = (NONE, ONE, SEVERAL, FLAT)
-"""Return values of the inverse functions, counted from 0."""
+"""Meanings of the return values 0, 1, 2 and 3 of an inverse function."""
 
 DIVIDED = 64
-"""Largest number of parts of a scan that C code divides further, so that the places fit on the
-stack. Python has no such limit.
+"""Largest number of parts of an input's range that the inverse in C divides further. The limit is
+needed because the ends of the new parts must fit on the stack; Python has no such limit.
 """
 
 COARSER = 1000.0
-"""Factor by which the limits of the inverse are wider in single precision."""
+"""Factor by which the tolerances of the inverse are larger in single precision."""
 
 SEARCH = {
     "status": STATUS,

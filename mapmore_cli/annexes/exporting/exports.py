@@ -71,7 +71,7 @@ EXPORTERS: dict[str, Form] = {
     "mujoco": Form(mujoco_files, "mujoco.py", endings=(*_C, "_mujoco.c")),
     "simulink": Form(simulink_files, "simulink.m", endings=(*_C, "_simulink.h", "_simulink.c")),
 }
-"""Forms by the word after `--to`. To add a form, add a row, and a sentence to the help."""
+"""Formats by the name after `--to`. To add a format, add a row here and a sentence to the help."""
 _FUNCTION: type[Exporter] = Callable  # type: ignore[assignment]  # any function may be an exporter
 EXPORTERS |= {
     part.name: Form(part.value, notice=False)

@@ -31,8 +31,8 @@ WRAPPERS = {
     2: ("unit.h", "co-simulation.h", "co-simulation.c"),
     3: ("unit.h", "co-simulation-3.c"),
 }
-"""Source files of every FMU, by the version of the standard. No model may have one of these names.
-The last file is compiled.
+"""Source files of every FMU, by the version of the standard. The last file is compiled together
+with the C code of the model. No model may have the name of one of these files.
 """
 
 BITS = "outside_range"

@@ -35,7 +35,9 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 LIBRARY = ("-shared", "-fPIC", "-fvisibility=hidden")
 
 SECONDS = 300
-"""Seconds after which a compiler, and then the code, is stopped."""
+"""Time in seconds after which a compiler is stopped. Exported code that runs longer is stopped,
+too.
+"""
 
 SYSTEMS = {
     "linux": ("linux", "linux", "so"),
@@ -118,8 +120,9 @@ def _compiled(
 
 POINTS = 100
 CLOSE, CLOSE_SINGLE = 1e-6, 1e-2
-"""Largest difference between code and `predict`, relative to the value or to a tenth of the median.
-A wrong input or term makes a far larger difference.
+"""Largest difference between the numbers of exported code and of `predict`, in double and in single
+precision. It is relative to the value, or to a tenth of the median if this is larger. A wrong input
+or a wrong term makes a far larger difference.
 """
 
 

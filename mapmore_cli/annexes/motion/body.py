@@ -18,7 +18,7 @@ HARD, CARRIED, BUMPLESS = "hard", "carried", "bumpless"
 """How a model switches from section to section."""
 
 REST, ZERO = "rest", "zero"
-"""Start of a run: the steady state of its first input, or an output of zero."""
+"""Ways in which a run begins: in the steady state of its first input, or with an output of zero."""
 
 ALL, RISE, FALL = "all", "rise", "fall"
 """Directions of the input for which a section is active."""

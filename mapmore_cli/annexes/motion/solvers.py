@@ -19,8 +19,8 @@ from mapmore_cli.domain.arrays import Array, root_mean_square
 from mapmore_cli.domain.errors import FitError
 
 STRIDES = (1, 3, 10, 30)
-"""Samples between those that a linear start compares: short strides are sensitive to noise, and
-long ones miss fast poles.
+"""Numbers of samples between the outputs that a linear regression relates to each other. Small
+numbers are sensitive to noise, and large numbers miss fast poles.
 """
 NEAREST = 0.999  # largest reflection coefficient of starting values; 1 is the edge of stability
 TOLERANCE = 1e-12

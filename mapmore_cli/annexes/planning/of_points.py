@@ -27,13 +27,14 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 
 COMMITTEE = ("sarosi_hinged", "sarosi")
-"""Formulas of the committee, if the study has their inputs. A process without a formula belongs to
-it too.
+"""Formulas that belong to the committee if the study has their inputs. A Gaussian process without a
+formula always belongs to it.
 """
 
 ASTRAY = 2.0
-"""A formula is no member of the committee if its range over the map (including the measured values)
-exceeds the range of the measured values by this factor.
+"""Largest width of the range of a formula's predictions over the map (together with the measured
+values), as a multiple of the range of the measured values. A formula with a wider range is no
+member of the committee.
 """
 
 STEPS = {1: 201, 2: 41, 3: 13}

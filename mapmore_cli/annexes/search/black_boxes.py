@@ -29,7 +29,7 @@ MOST_INPUTS = 4
 """Largest number of inputs for which a Gaussian process is fitted; with more, it takes long."""
 
 BLACK_BOX = "black box"
-"""Kind of these models in the table."""
+"""Name of the family of black boxes in the table of structures."""
 
 SHOWN = (BLACK_BOX, "papers")
 """Kinds that are shown in the table but never chosen."""

@@ -16,9 +16,9 @@ from mapmore_cli.domain.results import Tried
 from mapmore_cli.modelling import literature
 
 MOST_PARAMETERS = 28
-"""Largest number of parameters of a structure that a search may choose for a table, or that of a
-cubic polynomial of all inputs if that is larger. Larger structures are only shown. In a later
-round, one parameter for every `SHARE` samples is allowed.
+"""Largest number of parameters of a structure that a search may choose for a table. A cubic
+polynomial of all inputs may always be chosen, even if it has more. Larger structures are only
+shown. In a later round, one parameter for every `SHARE` samples is allowed.
 """
 
 SHARE = 40
@@ -28,8 +28,8 @@ SIZED = ("simple", "longer")
 """Kinds whose `max_terms` does not grow with the number of inputs."""
 
 MOST = ("inputs", "most_moving", "samples")
-"""Conditions of a candidate in which the given number is the largest that is allowed. In all
-others, it is the smallest.
+"""Keys of the conditions of a candidate that give the largest allowed number. All other keys give
+the smallest allowed number.
 """
 
 FORMULAS = ("sarosi", "sarosi_hinged", "kerscher")
@@ -37,8 +37,8 @@ FORCE = "force"
 """The quantity that the formulas of muscles predict."""
 
 DECADES = (10, 30, 100, 300)
-"""Time constants in steps, which are used if the longest recording has at least twice as many
-steps.
+"""Time constants, as multiples of the time step. A time constant is used if the longest recording
+is at least twice as long.
 """
 
 BEYOND = "fuse.extrapolation"
@@ -49,8 +49,8 @@ WAYS = {
     "continue": ", continued",
     "continue_linear": ", going on straight",
 }
-"""Behaviours of pieces outside the range of each curve, and the words that are added to the name of
-a structure that behaves differently from what its file of candidates says.
+"""Ways in which pieces may behave outside the range of each curve. Each has words that are added to
+the name of a structure, if the structure behaves in another way than its file of candidates says.
 """
 
 

@@ -17,8 +17,8 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.signals.sampling import even_share
 
 BEHIND = (0.2, 0.35, 0.5)
-"""Shares of every recording, at its end, that the folds leave out if the study holds out ends of
-recordings, so that drift must be predicted.
+"""Fractions of every recording, at its end, that folds leave out if the study holds out ends of
+recordings. The models must then predict drift.
 """
 
 MOST_PARTS = 6
@@ -27,22 +27,25 @@ spread part of them is left out.
 """
 
 FAIR = (0.2, 1.2)
-"""Limits of the size of a recording that is left out, relative to the mean size of the recording in
-which a training sample lies. If a larger recording is left out, too few samples remain for
-training; the errors on a smaller one say little. (A mean over recordings, instead of over samples,
-would be dominated by fragments.)
+"""Limits of the number of samples of a recording that is left out, as multiples of a mean number.
+If a larger recording is left out, too few samples remain for training; the errors on a smaller
+recording say little. The mean is taken over samples: each training sample gives the size of its
+recording. A mean over recordings would be dominated by fragments.
 """
 
 SOME, WIDEST = 1 / 4, 1 / 3
-"""A study holds out a kind of part if at least the first share of its held-out samples is of this
-kind. A fold leaves out at most the second fraction of the range of an input at its end.
+"""`SOME`: a study holds out a kind of part if at least this fraction of its held-out samples is of
+this kind. `WIDEST`: largest fraction of the range of an input that a fold leaves out at an end.
 """
 
 ASKED, OTHERWISE, ALONE = 2 / 3, (1 / 4, 1 / 2), 1 / 2
-"""Weights of all folds together that leave out whole levels or recordings. `ASKED`: if the study
-holds out such parts only. `OTHERWISE`: if the study holds out no such part, for tables and for
-recordings. `ALONE`: if there is only one such fold. All folds that leave out stretches together
-have the rest of the weight.
+"""Weights of the folds that leave out whole levels or recordings, all together.
+
+- `ASKED`: weight if the study holds out only such parts.
+- `OTHERWISE`: weights if the study holds out no such part, for tables and for recordings in time.
+- `ALONE`: weight if there is only one such fold.
+
+The folds that leave out stretches share the rest of the weight.
 """
 
 

@@ -19,8 +19,8 @@ along every curve; for models that use the past, long pieces of recordings are u
 """
 
 MOST_DELAYS = 4
-"""Largest delay of a fed-back output in the lists of candidates. Every piece of a recording begins
-with as many known outputs.
+"""Largest delay of the output in the candidates that feed it back. Every piece of a recording
+begins with this number of known outputs.
 """
 
 

@@ -24,8 +24,8 @@ NOT_INPUTS = ("time", "hysteresis", "static_force")
 """
 
 SAME = 1e-9
-"""An input counts as a linear function of another if less than this fraction of its variance
-remains.
+"""An input is treated as a linear function of another input if linear regression on the other input
+leaves less than this fraction of its variance.
 """
 
 FEWEST_IN_A_RECORD = 60

@@ -114,14 +114,15 @@ def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Array:
 
 
 SWING = 0.1
-"""Fraction of the output's range by which the start of a test run is raised; and fraction of the
-largest resulting difference that may still oscillate in the second half of the run.
+"""Fraction of the output's range by which the start of a second test run is higher than that of the
+first. Also the largest standard deviation of the difference of both runs in their second half, as a
+fraction of the largest difference.
 """
 
 LARGER = 1.2
-"""Factor of the inputs, about their middle, with which a fed-back model must still be stable. With
-the inputs as they were, an unstable model may seem stable, because whoever recorded them kept the
-output in its range.
+"""Factor by which the deviations of the inputs from their middle are multiplied in a test run, in
+which a model that feeds its output back must still be stable. With the recorded inputs, an unstable
+model may seem stable, because whoever recorded them kept the output in its range.
 """
 
 
