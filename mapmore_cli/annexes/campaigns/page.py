@@ -1,4 +1,4 @@
-"""Write the page over all runs of a campaign, and find the names of its runs."""
+"""Write the page that compares all runs of a campaign, and find the names of these runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find the layout of a file from its first lines, before its meaning is known."""
+"""Find the layout of a file from its first lines, before the meaning of its columns is known."""
 
 from __future__ import annotations
 

@@ -52,7 +52,9 @@ class _Columns(Data):
 
 
 def read_draft(draft: Draft, folder: Path, measured: str, warn: Warn = lambda _: None) -> Dataset:
-    """Return the dataset of a draft, in its units. Raises DataError if it cannot be made."""
+    """Return the dataset that a draft describes, in the units of the draft. Raises DataError if the
+    recordings cannot be read.
+    """
     data = Data.model_validate(draft.data)
     units = {name: default_unit(name) for name in data.quantities} | draft.spec.get("units", {})
     try:

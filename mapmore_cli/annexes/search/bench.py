@@ -78,8 +78,9 @@ class Bench:
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
-        """Return folds of training samples that resemble the held-out data of the `study`; long
-        recordings are shortened first. Raises DataError if no sample can be left out.
+        """Return a bench for a search: the training samples, and folds that resemble the held-out
+        data of the `study`. Long recordings are shortened first. Raises DataError if no sample can
+        be left out.
         """
         run = held_run(study)
         training = cut_short(training, run, situation.step)

@@ -124,17 +124,18 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
 
     - `TARGET`, `LEVEL`, `INPUTS`: the target, the level quantity, and all inputs.
     - `MOVING`: the inputs that move within a recording. `SWEPT`: the input that moves most.
-      `OTHERS`: all inputs but `SWEPT`.
-    - `SPARE`: each input without which another input still moves.
+      `OTHERS`: all inputs except `SWEPT`.
+    - `SPARE`: the inputs that can be left out, because another input moves.
     - `REST`: the inputs without the input of the loop. `FIRST_REST`: the first input of `REST` that
       moves. `MOVING_REST`: all inputs of `REST` that move.
-    - `PLANE`, `QUADRATIC`, `CUBIC`: number of monomials of these polynomials.
-    - `MANY`: number of terms that the samples support, between `MOST_PARAMETERS` and 200.
+    - `PLANE`, `QUADRATIC`, `CUBIC`: number of monomials in a polynomial of order 1, 2 and 3.
+    - `MANY`: one term for every `SHARE` training samples, but at least `MOST_PARAMETERS` and at
+      most 200.
     - `FORMULAS`: formulas of muscles whose quantities the study has and that have fewer parameters
       than there are training samples.
     - `AROUND_ZERO`: moving inputs that take both signs. `VELOCITIES`: inputs that take both signs
       and, if at most two inputs move, the rates of the other moving inputs.
-    - `DECADES`, `MIDDLE_DECADES`: time constants, s.
+    - `DECADES`: time constants, s. `MIDDLE_DECADES`: the second and the third of them.
     """
     inputs, moving, count = [*of.inputs], [*of.moving], len(of.inputs)
     without = more.get("OUT", more.get("VELOCITY"))

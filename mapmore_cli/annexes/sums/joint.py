@@ -70,12 +70,13 @@ def sum_of(
 
 
 def actuator(force: Model, pressure: Model) -> Model:
-    """Return a model whose input `pressure` is the output of another model, so that it computes the
-    force from the command of the valve.
+    """Return the model of an actuator. It computes the force with the model `force`, whose pressure
+    is the output of the model `pressure`. Therefore, an input of the actuator is the command of the
+    valve instead of the pressure.
 
-    Raises DataError in four cases: the force does not depend on the pressure, or has it in another
-    unit; the force depends on the rate of the pressure; the pressure model needs its measured past;
-    both models have an input of the same name in different units.
+    Raises DataError in four cases: the force does not depend on the pressure, or uses it in another
+    unit; the force depends on the rate of the pressure; the pressure model needs measured values of
+    the pressure to start; both models have an input of the same name in different units.
     """
     output, needed = pressure.output, {quantity.name: quantity for quantity in force.inputs}
     if needed.pop(output.name, None) != output:
