@@ -39,7 +39,7 @@ class Part:
 
     @property
     def second(self) -> float:
-        """The unit in seconds."""
+        """Length of the unit, in seconds."""
         return PARTS[self.unit][1]
 
     @property

@@ -74,11 +74,13 @@ class NamedColumn:
 
     @property
     def places(self) -> set[Column]:
-        """The columns of the file that are read for the quantity."""
+        """The columns of a file that are read for the quantity: one, or several for a clock in
+        parts.
+        """
         return {*self.parts} or {self.column}
 
     def as_spec(self) -> Section:
-        """Return the column in the form of the spec."""
+        """Return the entry of `columns` in a spec that describes this column."""
         if self.parts:
             return {"columns": [*self.parts], "format": " ".join(self.parts.values())}
         # with `%` in the title, `check` would expect per cent if the unit 1 were not written

@@ -281,7 +281,7 @@ def _told_apart(
 
 
 def _padded(cells: Sequence[str], width: int) -> list[str]:
-    """Return `width` cells; missing cells are empty."""
+    """Return the first `width` cells. If there are fewer cells, append empty ones."""
     return [*cells, *[""] * width][:width]
 
 

@@ -61,7 +61,7 @@ class Condition:
 
     @property
     def in_model_units(self) -> list[float]:
-        """The values in the unit of the model."""
+        """The values, converted to the unit in which models use the quantity."""
         unit = CANONICAL.get(self.quantity, self.unit)
         if not self.unit or not unit:
             return [*self.values]

@@ -54,7 +54,7 @@ class UnitSources:
 
 
 class Variable(NamedTuple):
-    """A variable of the FMU, as FMI describes it."""
+    """A variable of an FMU, with the attributes that FMI gives to a variable."""
 
     name: str
     about: str

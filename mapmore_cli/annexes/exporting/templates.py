@@ -141,8 +141,8 @@ def identifier(name: str) -> Code:
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
-    """Return the names of the inputs in code, each by the name that the input has in the model. No
-    name in code is equal to one of the `functions`.
+    """Return the names of the inputs in code, as a mapping from the name of an input in the model
+    to its name in code. No name in code is equal to one of the `functions`.
     """
     names = [quantity.name for quantity in inputs]
     reserved = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
@@ -209,7 +209,7 @@ LITERALS: Mapping[str, Callable[[str], str]] = {
 
 @cache
 def templates(language: str) -> Environment:
-    """Return the environment of Jinja for the templates of a language in `sources/`."""
+    """Return the Jinja environment that fills the templates of a language in `sources/`."""
 
     def written(value: object) -> object:
         if isinstance(value, Code | int | float):

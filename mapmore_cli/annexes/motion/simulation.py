@@ -232,7 +232,7 @@ def last_wavelength(u: Array) -> int:
 
 
 def motion_errors(measured: Array, predicted: Array, u: Array, step: float) -> MotionErrors:
-    """Return the errors of one recording with samples, (n,), at intervals of `step` (s)."""
+    """Return the errors of one recording. All signals have n samples at intervals of `step` (s)."""
     tail, before = last_wavelength(u), predicted - measured
     error, before = before[-tail:], np.abs(before[:-tail])
     faster = np.zeros(tail)

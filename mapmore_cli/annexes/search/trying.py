@@ -38,7 +38,9 @@ EMPTY: Mapping[str, Any] = {
 
 
 def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
-    """Return the sections of a candidate in the form of the spec."""
+    """Return the settings of a model: the sections of a candidate, and the settings of the study
+    that no candidate changes.
+    """
     fused = {key.removeprefix("fuse."): v for key, v in sections.items() if key.startswith("fuse.")}
     return _CHOICES.validate_python(
         {
