@@ -140,8 +140,9 @@ class MotionVerbs(Verbs):
     """Operations of a model of motion, for example its prediction and its equations."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the output along one recording, (n,), from rest. The output is NaN at rows with an
-        input of NaN, and the model starts again after such rows.
+        """Return the output along one recording, (n,). It begins as `start` of the model says: at
+        rest, or at zero. The output is NaN at rows with an input of NaN, and the model starts again
+        after such rows.
         """
         names = [
             *model.input_names,

@@ -1,5 +1,7 @@
-"""Leave out whole parts of the training data, of the kinds that a study holds out and in the same
-proportion: levels, recordings, their ends, and ends of an input.
+"""Make the folds of a search that leave out whole parts of the training data: levels, recordings,
+ends of recordings, and ends of an input.
+
+The folds leave out the same kinds of parts as the study holds out, in the same proportion.
 """
 
 from __future__ import annotations

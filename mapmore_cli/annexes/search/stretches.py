@@ -1,4 +1,6 @@
-"""Leave out stretches of curves, as long as those that a study holds out: folds of a search."""
+"""Make the folds of a search that leave out stretches of curves. The stretches are as long as those
+that the study holds out.
+"""
 
 from __future__ import annotations
 
