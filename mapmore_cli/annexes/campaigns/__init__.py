@@ -1,1 +1,1 @@
-"""Do many runs at once."""
+"""Implement `mapmore batch`: run many specs at the same time, and compare their scores."""

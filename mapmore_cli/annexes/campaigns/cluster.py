@@ -1,5 +1,5 @@
-"""Use the workers of a running Dask cluster: they receive paths, and find the files on a shared
-file system.
+"""Do jobs on the workers of a running Dask cluster. The workers receive the paths of files and find
+the files on a shared file system.
 
 Only names of files, settings and scores go over the network. `distributed` is imported only here.
 """
@@ -38,8 +38,9 @@ variables belong to the whole process.
 
 @dataclass(frozen=True)
 class Shared:
-    """Data that a worker needs in addition to its job: a file that shows whether the worker sees
-    the folder of runs, the version of mapmore, and the variables that specs may use.
+    """Data that a worker needs in addition to its job: an empty file in the folder of runs, the
+    version of mapmore, and the variables that specs may use. A worker that finds the file sees the
+    same folder of runs as the client (the computer on which `mapmore batch` was started).
     """
 
     token: Path
@@ -47,8 +48,9 @@ class Shared:
     environment: Mapping[str, str]
 
     def check(self) -> None:
-        """Check that this process can do jobs. Raises WriteError if this process does not see the
-        client's file, and UsageError if its version of mapmore differs from the client's version.
+        """Check that this process can do jobs. Raises WriteError if this process does not find the
+        file `token`, because it then does not see the folder of runs of the client; and UsageError
+        if its version of mapmore differs from the version of the client.
         """
         if tool_versions()["mapmore"] != self.version:
             raise UsageError(
@@ -67,8 +69,9 @@ class Shared:
 
 @contextmanager
 def shared_folder(runs: Path) -> Iterator[Shared]:
-    """Write the file by which workers see that they share the folder of runs. After it is removed,
-    no further job begins.
+    """Write an empty file into the folder of runs, by which workers check that they see this
+    folder. At the end, delete the file. Jobs that have not begun by then are refused by the
+    workers.
     """
     token = runs.absolute() / f"{TEMPORARY}{token_hex(6)}-shared"
     with refusals_told(runs):
@@ -89,15 +92,16 @@ def run_on_cluster(
     say: Warn,
 ) -> Generator[tuple[int, Finished | BaseException], None, None]:
     """Do numbered jobs on the workers of a scheduler, which is given by its address or by the file
-    that it wrote. Yield the same as `workers.ended`.
+    that it wrote. As `workers.ended` does, yield the number of each job with its result or its
+    error, in the order in which jobs end.
 
     If a worker dies, the scheduler starts its job again, at most as often as the setting
-    `allowed-failures` of the scheduler says (3 by default). `tell` is called with the number of the
-    job. `say` is called with further messages.
+    `allowed-failures` of the scheduler says (3 by default). Each time, `tell` is called with the
+    number of the job and a message. `say` is called with messages that concern no single job.
     """
     begun = Counter[int]()
 
-    def count(event: tuple[Any, Any]) -> None:  # a thread of the client calls this function
+    def count(event: tuple[Any, Any]) -> None:  # called in a thread of the client
         begun[event[1]] += 1
         if begun[event[1]] > 1:
             tell(event[1], "its worker died or was lost; the run is started again")
@@ -108,7 +112,7 @@ def run_on_cluster(
             say(f"{scheduler}: waiting for a worker")
             client.wait_for_workers(1)
         say(f"{scheduler}: {checked_workers(client, shared)} workers, which share {runs}")
-        # A job also writes files, so its result must not be taken from a cache (`pure=False`).
+        # A job also writes files, so Dask must not replace it by a stored result (`pure=False`).
         # A job that raised an error would raise it again, so it is not repeated (`retries=0`).
         executor = client.get_executor(pure=False, retries=0)
         futures = {
@@ -123,12 +127,14 @@ def run_on_cluster(
 
 
 ATTEMPTS = 3
-"""How often all workers are checked if one of them is lost meanwhile."""
+"""Largest number of times that all workers are checked. The check is repeated if a worker is lost
+during it.
+"""
 
 
 def checked_workers(client: Client, shared: Shared, attempts: int = ATTEMPTS) -> int:
-    """Return the number of workers. Raises UsageError if they cannot run the jobs or are lost while
-    they are checked, WriteError if they do not see the folder of runs.
+    """Check all workers, and return their number. Raises UsageError if they cannot run the jobs or
+    if some are lost during the check, WriteError if they do not see the folder of runs.
     """
     from distributed.comm import CommClosedError
 
@@ -155,7 +161,9 @@ def checked_workers(client: Client, shared: Shared, attempts: int = ATTEMPTS) ->
 
 
 def _connected(scheduler: str | Path) -> Client:
-    """Return a client. Raises UsageError if the library or the scheduler is missing."""
+    """Connect to a scheduler, and return the Dask client. Raises UsageError if the library is
+    missing or no scheduler answers.
+    """
     try:
         from distributed import Client
     except ImportError:
@@ -166,7 +174,8 @@ def _connected(scheduler: str | Path) -> Client:
     where = {"address": scheduler}
     if isinstance(scheduler, Path):
         where = {"scheduler_file": str(scheduler)}
-        if not scheduler.is_file():  # otherwise, the client would wait for the file
+        # without this check, the client would wait until the file exists
+        if not scheduler.is_file():
             raise UsageError(
                 f"{scheduler}: this scheduler file does not exist",
                 "start one with `dask scheduler --scheduler-file FILE`",

@@ -163,8 +163,9 @@ def _view(
     pages: Sequence[tuple[Path, Sequence[Table]]],
     no_pages: bool,
 ) -> View:
-    """Return how each run ended. The tables are those of the `pages` of campaigns, and tables of
-    the runs that belong to no campaign.
+    """Return the output of the command: lines that say how each run ended, the tables on the
+    `pages` of the campaigns, and tables of the runs that belong to no campaign. With `no_pages`,
+    the paths of the pages of runs are left out.
     """
     from mapmore_cli.annexes.campaigns.page import scores_of
     from mapmore_cli.annexes.campaigns.tables import campaign_tables
@@ -191,8 +192,8 @@ def _results(
     scheduler: str | Path | None,
     reporter: Reporter,
 ) -> list[Result]:
-    """Do the jobs that have no result in `sealed`, and return the results of all jobs in their
-    order. The `reporter` prints how each run ended. Without a `scheduler`, the jobs are done by
+    """Do the jobs that have no result in `sealed`, and return the results of all jobs, in the order
+    of `todo`. The `reporter` prints how each run ended. Without a `scheduler`, the jobs are done by
     processes of this machine, `jobs` at a time.
     """
     from mapmore_cli.annexes.campaigns.cluster import run_on_cluster
@@ -234,7 +235,9 @@ def _tell(reporter: Reporter, name: str, result: Result, count: str) -> None:
 
 
 def _ends(name: str, result: Result) -> list[str]:
-    """Return a line for each output that says how a run ended."""
+    """Return the lines that say how a run ended: one line for each output, or the error if the run
+    failed.
+    """
     from mapmore_cli.domain.scores import OWN
     from mapmore_cli.reporting.score_tables import short_verdict
 

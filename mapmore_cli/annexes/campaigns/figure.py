@@ -17,7 +17,9 @@ ROUNDING = 1e-10
 would leave no space for the others.
 """
 MOST_RUNS = 100
-"""Largest number of runs in the figure of a campaign; more are thinned."""
+"""Largest number of runs in the figure of a campaign. If there are more, evenly spaced runs are
+drawn.
+"""
 
 BEST_OTHER = "best of the others"
 FLOOR: dict[str, Any] = {
@@ -29,10 +31,11 @@ FLOOR: dict[str, Any] = {
 
 
 def campaign_figures(scores: CampaignScores) -> list[Drawing]:
-    """Return the figure with a line of dots for each run on a logarithmic axis, or none for a
-    single run. The dots are the errors of the run's own model, of the reference model of the
-    ratios, of the best of the other models, and of repeated measurements. If there are very many
-    runs, only some are drawn, including the run with the smallest error.
+    """Return a list with the figure of the errors, or an empty list if there is a single run or no
+    error is known. In the figure, each run is a line of dots along a logarithmic axis. The dots are
+    the errors of the run's own model, of the model `relative_to`, of the best of the other models,
+    and of repeated measurements. If there are very many runs, only some are drawn, including the
+    run with the smallest error.
     """
     pooled = scores.pooled
     every = [*pooled]

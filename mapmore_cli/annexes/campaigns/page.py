@@ -1,4 +1,4 @@
-"""Write the page over all runs of a campaign, and find the names of its runs."""
+"""Write the page that compares all runs of a campaign, and find the names of these runs."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ def write_page(
     runs: Path,
     warn: Warn,
 ) -> tuple[Path, tuple[Table, ...]]:
-    """Write `RUNS/CAMPAIGN/index.html` with its figures and tables. `results` holds the results of
-    its runs by name, in order. `warn` is called for each file in this folder that somebody changed.
+    """Write `RUNS/CAMPAIGN/index.html`, the page of a campaign, with its figures and tables.
+    `results` holds the results of the campaign's runs by name, in order. `warn` is called for each
+    file in the folder of the page that somebody changed.
 
     Returns the path of the page, and the tables on it.
     """
@@ -74,12 +75,12 @@ def write_page(
 
 
 def _ways_made(folder: Path, texts: Mapping[str, str], warn: Warn) -> dict[str, list[str]]:
-    """Move files to the trash if somebody changed them after the last page was written. Return for
-    each file of the page the hash of its new contents and, if mapmore wrote the file that is on the
-    disk, the hash of that file.
+    """Move files of the last page to the trash if somebody changed them after mapmore wrote them.
+    Return, for each file of the new page, a list with the hash of its new contents. If the file
+    exists already and was written by mapmore, the list also has the hash of its present contents.
 
-    The record of an older version lists no files; every existing file then counts as written by
-    mapmore.
+    A record of an older version of mapmore lists no files. Then every existing file is treated as
+    written by mapmore.
     """
     known: object = None
     with suppress(OSError, ValueError, AttributeError):
@@ -89,7 +90,7 @@ def _ways_made(folder: Path, texts: Mapping[str, str], warn: Warn) -> dict[str, 
         files[name] = [sha256(text.encode()).hexdigest()]
         place = folder / name
         if place.is_symlink() or not place.is_file():
-            continue  # later, writing the file reports a link as an error
+            continue  # for a link, an error is raised later, when the file is written
         there = sha256(place.read_bytes()).hexdigest()
         if not isinstance(known, dict) or there in (*files[name], *known.get(name, ())):
             files[name].append(there)
@@ -102,8 +103,9 @@ def _ways_made(folder: Path, texts: Mapping[str, str], warn: Warn) -> dict[str, 
 def scores_of(
     results: Mapping[str, Finished | BaseException], campaign: Campaign | None = None
 ) -> CampaignScores:
-    """Return the scores for the tables over several runs. `results` holds the result, or the error,
-    of each run by name. With a `campaign`, the scores also have its groups and its references.
+    """Return the scores from which the tables over several runs are made. `results` holds, by the
+    name of each run, its result or its error. If a `campaign` is given, the scores also have its
+    groups of runs, and the models with which it compares the others (`relative_to` and `best_of`).
     """
     from mapmore_cli.annexes.campaigns.tables import CampaignScores
 
@@ -143,7 +145,9 @@ def render_campaign(
     pages: Mapping[str, str],
     failed: Mapping[str, str],
 ) -> str:
-    """Return the page. `pages` holds links by run, and `failed` the messages of failed runs."""
+    """Return the page of a campaign as HTML. `pages` holds, by the name of a finished run, the link
+    to its page; `failed` holds, by the name of a failed run, its error message.
+    """
     from mapmore_cli.reporting.report import MOST_ROWS
 
     template = environment().get_template("campaign.html")
@@ -165,8 +169,8 @@ def run_names(
     known: Mapping[int, str],
 ) -> list[str]:
     """Return the name of every run. A run whose spec has an error gets the name that messages use
-    for it; the run itself reports the error. The `known` names, by the index of the entry, are used
-    without reading a spec.
+    for it; the error is reported when the run starts. `known` holds names that are known already,
+    by the index of the entry, so that the spec of the entry need not be read.
 
     Raises UsageError if two of the runs, their variations and the campaigns have the same name,
     because they would be written into the same folder.
@@ -193,7 +197,7 @@ def run_names(
         ]
     owners: dict[str, str] = {}
     for folder, owner in claims:
-        # file systems that ignore capitals take both names for the same folder
+        # file systems that ignore the case of letters take both names for the same folder
         first = owners.setdefault(folder.lower(), owner)
         if first is not owner:
             raise UsageError(

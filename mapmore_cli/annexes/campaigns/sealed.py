@@ -1,7 +1,10 @@
-"""Find out from seals which runs of a campaign are up to date, without planning these runs.
+"""Find out which runs of a campaign are up to date, without planning these runs. To plan a run
+means to find out which of its stages are outdated, which takes a while.
 
-Like a plan, a seal does not notice changes that keep the size and the time of a file; `--rehash`
-reads the files again. Runs with a searched structure, and runs that need other runs, have no seal.
+A seal is a file in the folder of a run. It records the spec, the data and the options of the run,
+and the sizes and times of its files. If all of them are unchanged, the stored result is used. A
+seal does not notice a change that keeps the size and the time of a file; `--rehash` reads the files
+again. Runs with a searched structure, and runs that need other runs, have no seal.
 """
 
 from __future__ import annotations
@@ -50,15 +53,16 @@ _ALERTS = TypeAdapter(tuple[Alert, ...])
 
 
 def known_by_seal(job: Job, name: str) -> Finished | None:
-    """Return the stored result of the run with this name. Return None unless the seal of the run
-    says that the result was made of the same spec, data and options.
+    """Return the stored result of the run with this name. Return None if the run has no seal, or if
+    the seal shows that the spec, the data or the options have changed since.
     """
     started, run_dir = time.perf_counter(), job.runs / name
     sealed = None if job.options.force or job.options.rehash else read_seal(run_dir)
     if sealed is None or sealed["question"] != _question(job, run_dir):
         return None
     answer = sealed["answer"]
-    with suppress(OSError, DataError):  # a source may be missing, or a pattern may match nothing
+    # raised if a source is missing, or if a pattern matches no file
+    with suppress(OSError, DataError):
         if (
             not still_holds(run_dir, sealed)
             or not is_tidy(run_dir)
@@ -81,7 +85,9 @@ def known_by_seal(job: Job, name: str) -> Finished | None:
 
 
 def run_and_seal(job: Job) -> Finished:
-    """Bring one run up to date like `run_one`, and seal it if nothing changed meanwhile."""
+    """Bring one run up to date like `run_one`. Then write its seal, if no file changed during the
+    run.
+    """
     with files_read() as paths:
         loaded = load(job.config, job.overrides)
     run_dir = job.runs / loaded.spec.name
@@ -89,7 +95,8 @@ def run_and_seal(job: Job) -> Finished:
     texts = _hashes_now(run_dir, specs)
     finished = run_one(job)
     if _can_be_sealed(loaded) and texts and _hashes_now(run_dir, specs) == texts:
-        with suppress(OSError, DataError):  # without a seal, the next campaign plans this run
+        # without a seal, the next campaign examines every stage of this run
+        with suppress(OSError, DataError):
             sealed = _sealed(job, loaded, finished, texts)
             if sealed is not None:
                 write_seal(run_dir, sealed)
@@ -97,14 +104,16 @@ def run_and_seal(job: Job) -> Finished:
 
 
 def _hashes_now(run_dir: Path, specs: list[str]) -> dict[str, str]:
-    """Return the hashes of the specs; empty if one of them has disappeared."""
+    """Return the hashes of the specs; an empty dictionary if one of the specs has disappeared."""
     with suppress(OSError):
         return hashes_of(run_dir, specs)
     return {}
 
 
 def _can_be_sealed(loaded: LoadedSpec) -> bool:
-    """Return True if the result of a run depends only on its own spec and sources."""
+    """Return True if the result of a run depends only on its own spec and sources, because its
+    structure is not searched and it needs no other run.
+    """
     return loaded.spec.model.type != AUTO and not any(
         needed_runs(stage, loaded) for stage in pipeline()
     )
@@ -113,7 +122,9 @@ def _can_be_sealed(loaded: LoadedSpec) -> bool:
 def _sealed(
     job: Job, loaded: LoadedSpec, finished: Finished, texts: dict[str, str]
 ) -> Sealed | None:
-    """Return the seal of a run that is up to date; None if a file differs from its record."""
+    """Return the seal of a run that is up to date; None if a file differs from the record of the
+    run.
+    """
     run_dir, spec = finished.run_dir, loaded.spec
     folder = os.path.relpath(loaded.folder, run_dir)
     records = load_records(run_dir).values()
@@ -151,12 +162,17 @@ def _sealed(
 
 
 def _named_by(patterns: list[str], folder: Path) -> list[str]:
-    """Return the recordings that patterns match now, by path relative to the folder of the spec."""
+    """Return the paths of the recordings that the patterns match now, relative to the folder of the
+    spec.
+    """
     return [relative_name(path, folder) for pattern in patterns for path in expand(pattern, folder)]
 
 
 def _question(job: Job, run_dir: Path) -> object:
-    """Return the request of a job and the version of the program, as JSON values."""
+    """Return everything that was asked of a run, as JSON values: the stage until which it runs, the
+    paths of its spec and its campaign, its overrides, the variables, and the version of the
+    program.
+    """
     campaign = job.options.campaign
     return [
         job.until,
@@ -171,8 +187,8 @@ def _question(job: Job, run_dir: Path) -> object:
 
 @cache
 def _program() -> Mapping[str, object]:
-    """Return everything on which numbers depend, apart from specs and sources: versions of the
-    program and of its tools.
+    """Return everything on which the results of a run depend, apart from specs and sources: the
+    versions of the program, of its stages, and of the libraries that it uses.
     """
     return {
         **tool_versions(),

@@ -18,12 +18,14 @@ from mapmore_cli.domain.scores import (
 from mapmore_cli.reporting.table import MODEL, Cell, Cells, Column, Columns, Table
 
 Pooled = Mapping[str, Score]
-"""The decisive scores of a run, by model: all curves pooled, for the held-out rows if there are
-any.
+"""Scores of a run by which models are compared, by model: over all curves pooled, on the held-out
+data if there are any.
 """
 
 SPARSE = 0.5
-"""Smallest share of filled cells for which a table of all runs by all models is easy to read."""
+"""A table with a row for every run and a column for every model is used if at least this fraction
+of its cells have a value.
+"""
 
 
 @dataclass(frozen=True)
@@ -32,12 +34,12 @@ class CampaignScores:
 
     - `runs`: the scores of every run, by its name.
     - `units`: the unit of the modelled quantity, by run.
-    - `published`: numbers of publications, by run.
+    - `published`: errors that are printed in a publication, by run.
     - `relative_to`: the model by whose error other errors are divided.
-    - `best_of`: names of models. In each run, the best of these models counts as one competitor,
-      although it is known only after the run.
+    - `best_of`: names of models. In each run, the model of this list with the smallest error is
+      used as a competitor. Which model that is, is known only after the run.
     - `groups`: group of each run; the runs of a group are summarised together.
-    - `failed`: the runs that have no scores.
+    - `failed`: the runs that have no scores, because they failed.
     """
 
     runs: Mapping[str, Sequence[Score]]
@@ -50,8 +52,8 @@ class CampaignScores:
 
     @cached_property
     def pooled(self) -> dict[str, Pooled]:
-        """The scores by which models are compared, for each run and each model: over all curves
-        pooled, on held-out data if there are any.
+        """Score of each model in each run, over all curves pooled: on the held-out data if there
+        are any, otherwise on the training data. Models are compared by these scores.
         """
         return {
             name: {score.model: score for score in deciding(scores)}
@@ -60,41 +62,44 @@ class CampaignScores:
 
     @property
     def models(self) -> tuple[str, ...]:
-        """Every model of any run. The difference between repeated measurements, which is no model,
-        comes last.
+        """Names of the models that occur in at least one run. The repeatability of measurements,
+        which is no model, comes last.
         """
         names = dict.fromkeys(model for scores in self.pooled.values() for model in scores)
         return tuple(sorted(names, key=lambda name: name == REPEATABILITY))
 
     @property
     def sparse(self) -> bool:
-        """Return True if most models occur in a few runs only."""
+        """Return True if fewer than half of the pairs of a run and a model have a score."""
         return sum(map(len, self.pooled.values())) < SPARSE * len(self.runs) * len(self.models)
 
     @property
     def normalisers(self) -> str:
-        """Text with the names of all normalisers of errors in the tables."""
+        """Names of the quantities by which errors are divided to make the NRMSE, as one text."""
         rows = [score for run in self.pooled.values() for score in run.values()]
         return " and ".join(dict.fromkeys(score.normaliser_name for score in rows))
 
 
 def campaign_tables(scores: CampaignScores) -> tuple[Table, ...]:
-    """Return every table of the page that has rows. If runs have few models in common, their scores
-    are listed one after the other.
+    """Return the tables of the page that have at least one row. If runs have few models in common,
+    each pair of a run and a model gets a row; otherwise, each run gets a row, and each model a
+    column.
     """
     first = models_table if scores.sparse else nrmse_table
     return tuple(table for table in (first(scores), published_table(scores)) if table.rows)
 
 
 def nrmse_table(scores: CampaignScores) -> Table:
-    """Return the table of the validation NRMSE, with a column for every model and a row for every
-    run. If a run holds nothing out, its row shows the training NRMSE.
+    """Return the table of the NRMSE on held-out data, with a column for every model and a row for
+    every run. For a run without held-out data, the row shows the NRMSE on training data.
 
-    The last rows are of three kinds. For each group, they give the median and the worst NRMSE over
-    the runs that have the model. For the ratio of each model's RMSE to the RMSE of `relative_to`,
-    they give the geometric mean, the worst and the number of wins over the runs that have both
-    models. They also give the number of runs in which the model has a smaller RMSE than the best
-    model of `best_of`.
+    Rows with summaries follow:
+
+    - for each group, the median and the largest NRMSE over the runs that have the model;
+    - the ratio of the model's RMSE to the RMSE of `relative_to`, over the runs that have both
+      models: its geometric mean, its largest value, and the number of runs in which it is below
+      one;
+    - the number of runs in which the model has a smaller RMSE than the best model of `best_of`.
     """
     models, runs = scores.models, scores.pooled
     rows: list[Cells] = [
@@ -130,8 +135,8 @@ def nrmse_table(scores: CampaignScores) -> Table:
 
 
 def models_table(scores: CampaignScores) -> Table:
-    """Return the table of the validation NRMSE of every model of every run, one row each: first the
-    run's own model, then the others by increasing error.
+    """Return the table of the NRMSE on held-out data, with a row for every model of every run.
+    Within a run, its own model comes first; the others follow in the order of increasing error.
     """
 
     def place(score: Score) -> tuple[bool, bool, float]:
@@ -151,17 +156,17 @@ def models_table(scores: CampaignScores) -> Table:
 
 
 def _known(error: float) -> float:
-    """Return the error. Return infinity for NaN, because the run has then diverged, which is worse
-    than any error.
+    """Return the error, or infinity if it is NaN. An error of NaN means that the model diverged,
+    which is worse than any finite error.
     """
     return math.inf if math.isnan(error) else error
 
 
 def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell, Cell, Cell]:
-    """Return the summary of the ratio of one model's RMSE to another model's RMSE, over the runs
-    that have both models: geometric mean, largest value, and the number of runs in which the first
-    model is better. The entries are None if `model` is the repeatability of measurements, which is
-    no model.
+    """Return a summary of the ratio of one model's RMSE to another model's RMSE, over the runs that
+    have both models: the geometric mean, the largest value, and a text with the number of runs in
+    which the first model is better. All three are None if `model` is the repeatability of
+    measurements, which is no model.
     """
     both = [run for run in scores.pooled.values() if {model, relative_to} <= run.keys()]
     pairs = [(_known(run[model].rmse), run[relative_to].rmse) for run in both]
@@ -181,8 +186,9 @@ def _won(won: int, count: int, tied: int) -> str:
 
 
 def _wins(scores: CampaignScores, model: str) -> Cell:
-    """Return in how many runs the RMSE of a model is below the smallest RMSE of `best_of`, and in
-    how many both are exactly equal.
+    """Return a text such as `3 of 5, 1 tied`: the number of runs in which the RMSE of a model is
+    below the smallest RMSE of the other models in `best_of`, and the number of runs in which both
+    are exactly equal. Return None for the repeatability of measurements, which is no model.
     """
     if model == REPEATABILITY:
         return None
@@ -197,8 +203,9 @@ def _wins(scores: CampaignScores, model: str) -> Cell:
 
 
 def published_table(scores: CampaignScores) -> Table:
-    """Return the table of RMSE and NRMSE for held-out data of every model in a publication, beside
-    the printed numbers; columns without numbers are left out.
+    """Return the table that compares the RMSE and the NRMSE on held-out data with those that are
+    printed in a publication, with a row for each model in the publication. Columns without numbers
+    are left out.
     """
     rows: list[Cells] = []
     for name, paper in scores.published.items():

@@ -1,4 +1,4 @@
-"""Do jobs in worker processes of this machine, which a signal can stop."""
+"""Do jobs in worker processes of this machine. A signal to the main process can stop them."""
 
 from __future__ import annotations
 
@@ -35,13 +35,14 @@ def in_processes(
     *,
     again: bool = False,
 ) -> Generator[tuple[int, R | BaseException], None, None]:
-    """Do numbered jobs in `count` new processes, and yield the number of each job that has ended
-    with its result or its exception, as `ended` does.
+    """Do numbered jobs in `count` new processes. As `ended` does, yield the number of each job with
+    its result or its error, in the order in which jobs end.
 
-    If a worker dies, all running jobs end with it. The first `count` of them are started again, one
-    at a time, because memory may have been short; `tell` is called with the number of each. The
-    other jobs follow in new processes. With `again`, the jobs are such a second attempt: a job
-    whose worker dies then gets an error.
+    If a worker process dies, the jobs that have not ended stop as well. The first `count` of these
+    jobs are then started again, one at a time, because the memory may have been too small for
+    several. Before each of them, `tell` is called with its number and a message. After that, the
+    others are done in `count` new processes. With `again`, the jobs have been started for the
+    second time: if a worker dies now, its job gets an error.
     """
     if not jobs:  # a pool must have at least one process
         return

@@ -21,9 +21,9 @@ FORM = (
 )
 # a comma inside the brackets of an array's address, as in `tip[:,0]:mm`, separates no entries
 _COMMA = re.compile(r",(?![^\[(]*[\])])")
-# a title in quotes, which may contain separators: `"Kraft, z=1":N`
+# a title in quotes may contain separators: `"Kraft, z=1":N`
 _QUOTED = re.compile(r"""(?<![^,=\s])(["'])(.+?)\1(?=\s*(?:[,:=]|$))""")
-_HIDDEN = 0xF0000  # private characters that stand for separators inside quotes
+_HIDDEN = 0xF0000  # private Unicode characters, which stand for separators inside quotes
 _ENTRY = re.compile(r"(.*?):([^:\]]*)", re.DOTALL)
 _QUANTITY = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NUMBER = r"\d+(?:\.\d+)?(?:[eE][+-]?\d+)?"
@@ -33,8 +33,9 @@ _UNIT = re.compile(
 
 
 class Hold(NamedTuple):
-    """The quantity that was held constant, the word beside its numbers in the names of files, and
-    the unit of these numbers. The quantity `none` means that nothing was held constant.
+    """Answer to the option `--hold`: the quantity that was held constant, the word beside its
+    numbers in the names of files, and the unit of these numbers. The quantity `none` means that
+    nothing was held constant.
     """
 
     name: str
@@ -88,8 +89,8 @@ class Answers:
 
     @property
     def has_places(self) -> bool:
-        """Return True if a column is named by its number in the list of columns that `init` prints
-        for one layout.
+        """Return True if a person named at least one column by its number. The numbers are those in
+        the list of columns that `init` prints for one layout.
         """
         named = [*self.columns.values(), *self.target.values(), *(self.inputs or {}).values()]
         said = [str(one.column) for one in named] + [*self.recordings, self.group or ""]
@@ -97,7 +98,9 @@ class Answers:
 
 
 def answers_of(**options: str | bool | None) -> Answers:
-    """Return the answers that options of the command give. Raises UsageError for a wrong answer."""
+    """Return the answers that a person gave with options of the command. Raises UsageError for an
+    invalid answer.
+    """
     readers: dict[str, Callable[[Any], Any]] = {
         **{name: partial(read_names, f"--{name}") for name in ("columns", "target", "inputs")},
         "hold": read_hold,
@@ -114,7 +117,10 @@ def answers_of(**options: str | bool | None) -> Answers:
 
 
 def read_group(text: str) -> str | None:
-    """Read `specimen`, the number of a column, or `none`. Raises UsageError for anything else."""
+    """Read the option `--group`, and return its text: a word such as `specimen`, or the number of a
+    column. Return None for `none`. Raises UsageError if the text is neither a number nor a valid
+    name.
+    """
     if not text.isdecimal() and not _QUANTITY.fullmatch(text):
         raise UsageError(
             f"--group: {text!r} is not a valid name of a quantity",
@@ -127,7 +133,9 @@ def read_group(text: str) -> str | None:
 
 
 def read_positive(option: str, unit: str, example: str, text: str) -> float:
-    """Return a positive quantity in a unit. Raises UsageError for anything else."""
+    """Read a quantity from a text such as `10ms`, and return its value in `unit`. Raises UsageError
+    if the text is no quantity, or if the value is not larger than zero.
+    """
     remedy = f"write it as {example}"
     try:
         value = parse_quantity(text, unit)
@@ -177,17 +185,17 @@ def read_names(option: str, text: str) -> Named:
 
 
 def read_hold(text: str) -> Hold:
-    """Read `strain`, `strain:%`, `strain=kinked:%` or `none`. Raises UsageError for anything
-    else.
+    """Read the option `--hold`, which has the form `strain`, `strain:%`, `strain=kinked:%` or
+    `none`. Raises UsageError for anything else.
     """
     name, held = _read_entry("--hold", text)
     return Hold(name, str(held.column), held.unit)
 
 
 def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
-    """Return the name and the column of `name=column:unit`; the column is an empty text if the
-    entry names none. Raises UsageError for an unknown unit, and for an invalid name of a quantity
-    if one is required.
+    """Read an entry `name=column:unit`, and return its name and its column. If the entry gives no
+    column, the address of the column is an empty text. Raises UsageError for an unknown unit. Also
+    raises UsageError if the name must be that of a quantity, and is not valid as such.
     """
     parts = _ENTRY.fullmatch(entry)
     written, unit = (entry, "") if parts is None else parts.groups()

@@ -15,10 +15,11 @@ from mapmore_cli.study.units import CANONICAL
 
 
 def named_by_person(said: Named, table: Table, option: str, known: Named) -> Named:
-    """Return the columns that a person names, by quantity. The quantity has a known name, the name
-    that the person gives, or a name made from the title.
+    """Return the columns that a person names, by quantity. The name of the quantity is a known one,
+    one that the person gives, or one that is made from the title.
 
-    If no unit is given, the unit in the title is used, or otherwise the unit of the model.
+    The unit is the one that the person gives, otherwise the unit in the title, otherwise the unit
+    that the model uses for the quantity.
     """
     columns: Named = {}
     names = {one.column: name for name, one in known.items()}
@@ -40,8 +41,9 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
 
 
 def _each(said: Named, table: Table, option: str) -> Named:
-    """Return the columns named by a person, with `s*` (titles) and `7..70` (numbers in the list)
-    replaced by every column that they match. The time is never among them.
+    """Return the columns named by a person. A pattern of titles such as `s*`, and a range of
+    numbers in the list such as `7..70`, are replaced by all columns that they match, except for the
+    time.
     """
     each: Named = {}
     titles = {one.column for one in table.values()} | {one.title for one in table.values()}

@@ -30,12 +30,14 @@ out.
 
 
 def known_by_titles(table: Table) -> Known:
-    """Return the columns that move, named by quantity if the title identifies one, otherwise by
-    title.
+    """Return the time and the other columns whose values change, by name. The name of a column is
+    the quantity that its title identifies, otherwise a name made from the title. Also return the
+    reason for each column that is left out.
 
     If several titles identify the same quantity, only the column with the plainest title gets the
-    name of the quantity; the others are named by their titles. A copy of another column, a computed
-    column, and a column that increases like a clock but is not the time are left out.
+    name of the quantity; the names of the others are made from their titles. A copy of another
+    column, a computed column, and a column that increases like a clock but is not the time are left
+    out.
     """
     columns: Named = {}
     clocks = (one for one in table.values() if one.is_time and one.rises and not one.turn)
@@ -84,8 +86,8 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
 
 
 def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
-    """Return the columns that are copies of another column, with the reason. Of two equal columns,
-    the one whose title and unit say more is kept.
+    """Return the columns that are copies of another column, with the reason. Among equal columns,
+    the column whose title and unit give the most information is no copy.
     """
     copies: dict[Column, str] = {}
     for family in same_signals([np.concatenate(one.values) for one in columns]):
@@ -106,8 +108,8 @@ def _silence(one: TitledColumn) -> tuple[bool, bool, bool, int]:
 
 
 def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
-    """Return the quantity of each column whose title identifies it, if no other title does so as
-    plainly.
+    """Return the quantity of each column whose title identifies it. If several titles identify the
+    same quantity equally plainly, none of these columns is returned.
     """
     names: dict[Column, str] = {}
     for quantity in KINDS:
@@ -133,12 +135,15 @@ def _plainness(one: TitledColumn) -> int:
 
 
 def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
-    """Return the quantity to predict if plain titles leave no choice, otherwise None.
+    """Return the quantity to predict, or None if several are possible.
 
-    The quantity to predict is the only force, if an input or a position is known. If there is no
-    force, it is the only position, if an input is known. If there is neither, it is the only column
-    of unknown kind, if all other columns are inputs. `kinds` holds the results of
-    `kind_to_predict`, by name; `is_driven` is True if names of files give an input.
+    - If there is a force, it must be the only force, and an input or a position must be known.
+    - If there is no force, the quantity is the only position, if an input is known.
+    - If there is neither, it is the only column of unknown kind, if all other columns are inputs.
+
+    None is returned if a title is ambiguous, or if a column of unknown kind stands beside a force
+    or a position. `kinds` holds the results of `kind_to_predict`, by name; `is_driven` is True if
+    an input is known from names of files or from the answers of a person.
     """
     of: dict[str, list[str]] = {}
     for name, kind in kinds.items():

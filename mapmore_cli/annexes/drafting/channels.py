@@ -23,13 +23,13 @@ LARGEST = 50_000_000
 
 @dataclass(frozen=True)
 class Channel:
-    """A text with one column of numbers, or with a clock and one column. Channels are equal if they
-    can stand in one table.
+    """A text file with one column of numbers, with or without a column of time before it. Two
+    channels are equal if their columns can be written side by side into one table.
 
     - `title`: title of the column; empty without titles.
     - `has_title`: True if the first line holds titles instead of numbers.
-    - `delimiter`: the mark between the clock and the column; empty if there is no clock.
-    - `clock`: the cells of the clock; without a clock, an empty text for each row.
+    - `delimiter`: the character between the time and the numbers; empty if there is no time.
+    - `clock`: the cells in the column of time; without such a column, an empty text for each row.
     """
 
     path: Path = field(compare=False)
@@ -40,9 +40,11 @@ class Channel:
 
 
 def command_for_one_table(folder: Path) -> str | None:
-    """Return the shell command that writes the channels of a folder side by side into one table;
-    None unless there are at least two files, and each holds another channel with the same number of
-    rows and the same clock.
+    """Return the shell command that writes the channels of a folder side by side into one table.
+
+    Return None if this is not possible: there are fewer than two text files, one of them is no
+    channel, two of them hold the same channel, they differ in their number of rows or in their
+    time, or they have a time but no titles.
     """
     if not folder.is_dir():
         return None
@@ -50,7 +52,7 @@ def command_for_one_table(folder: Path) -> str | None:
     for file in sorted(folder.iterdir()):
         if reader_of(file) is READERS["csv"]:
             channel = _channel_in(file)
-            # a folder may have thousands of other texts, which need not be read
+            # stop at the first file that does not fit, because a folder may have thousands of files
             if channel is None or channel != next(iter(channels), channel):
                 return None
             channels.append(channel)
@@ -63,8 +65,8 @@ def command_for_one_table(folder: Path) -> str | None:
 
 
 def _channel_in(file: Path) -> Channel | None:
-    """Return the channel in a text; None for any other text, also for one with blank lines or a
-    byte order mark, which would stay in the table.
+    """Return the channel in a text file; None if the file holds something else. A file with blank
+    lines or with a byte order mark is no channel, because these would remain in the table.
     """
     if file.stat().st_size > LARGEST:
         return None
@@ -85,9 +87,9 @@ def _channel_in(file: Path) -> Channel | None:
 
 
 def _pasted(channels: Sequence[Channel], table: str) -> str:
-    """Return the command that pastes the channels; only the first keeps its clock."""
+    """Return the command that writes the channels side by side, after the time of the first."""
     first, *others = channels
-    # without `-d`, both commands separate columns by tabs
+    # without `-d`, `paste` and `cut` separate columns by tabs
     mark = "" if first.delimiter in ("", "\t") else f" -d{quote(first.delimiter)}"
     names = [quote(str(one.path)) for one in others]
     rest = [f"<(cut{mark} -f2 {name})" for name in names] if first.delimiter else names

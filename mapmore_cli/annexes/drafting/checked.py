@@ -22,12 +22,13 @@ from mapmore_cli.study.yaml_dumper import dump
 
 
 def checked(draft: Draft, plainer: Sequence[Draft], folder: Path) -> Draft:
-    """Return the draft if `check` finds no error in it; otherwise the first of the `plainer` drafts
-    without an error. If all have errors, and the user can correct the error in the spec, return the
-    draft with a note about the error beside its target.
+    """Return a draft in which `check` finds no error: the given draft, otherwise the first of the
+    simpler drafts in `plainer`. If `check` finds an error in all of them, and the user can correct
+    the error in the spec, return the given draft with a note about the error at its target.
 
-    Paths of all drafts start at `folder`. If there are many files, a random part of them is
-    examined, and a note says so. Raises DataError for an error that only other data can correct.
+    Paths in all drafts are relative to `folder`. If there are many files, only a random part of
+    them is examined, and a note says so. Raises DataError for an error that only other data can
+    correct.
     """
     few, files = with_few_files(draft, folder)
     fault = _fault(few, folder)
@@ -58,13 +59,14 @@ random.
 
 
 def with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
-    """Return a draft with `MOST` of the files, drawn at random with seed 1, and the number of all
-    files. For all values that names of files contain, for example for each level, at least one file
-    is drawn. The recordings keep their ids. Nothing is held out if the draft holds out recordings
-    or files by their names, because only some of them are drawn.
+    """Return a copy of the draft with only `MOST` of its files, and the number of all files. The
+    files are drawn at random with seed 1, but at least one file is drawn for each combination of
+    values that names of files contain, for example for each level. The recordings keep their ids.
+    If the draft holds out recordings or files by their names, nothing is held out in the copy,
+    because it may not contain them.
 
     The draft is unchanged if it has at most `MOST` files, if another log is joined, or if names
-    contain more than `MOST` different values.
+    contain more than `MOST` different combinations of values.
     """
     data = Data.model_validate(draft.data)
     sources = find_sources(data.files, folder, data.join, bad=data.skip_bad_files)
@@ -94,8 +96,8 @@ def with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
 
 
 def _fault(draft: Draft, folder: Path) -> SpecError | DataError | None:
-    """Return the error that would end `check` or the search for a structure: findings of the rules,
-    or too few samples.
+    """Return the error that would end `check`, or that would end the search for a structure because
+    there are too few samples. Return None if there is no error.
     """
     try:
         loaded = load_text(dump(draft.spec), "draft.yaml", folder)

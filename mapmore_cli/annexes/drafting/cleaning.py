@@ -68,8 +68,8 @@ def _read_tolerantly(
     draft: Draft, folder: Path, target: str
 ) -> tuple[Draft, Sequence[Recording], bool]:
     """Return a draft that can be read, its recordings, and True if they come from at least half of
-    the files. The draft gets the words for missing values and the names of files that cannot be
-    read.
+    the files. The words that mean a missing value, and the names of files that cannot be read, are
+    added to the draft.
     """
     warnings: list[str] = []
     rule = draft.data["missing"]
@@ -91,8 +91,9 @@ def _read_tolerantly(
 
 
 def _with_losses(draft: Draft, dataset: Dataset) -> Draft:
-    """Return the draft with notes that count empty cells and odd time stamps, and without the
-    settings for losses that do not occur. Cells and time stamps of a joined log are not counted.
+    """Return the draft with notes that give the numbers of empty cells and of odd time stamps. The
+    keys `missing`, `repeated_time` and `glitches` are removed if the recordings do not need them.
+    Cells and time stamps of a joined log are not counted.
     """
     dropped = sum((Counter(one.dropped) for one in dataset.recordings), Counter[str]())
     repeats = (re.search(rf": (\d+) {REPEATS}", note) for note in dataset.notes)

@@ -30,14 +30,16 @@ this unit end, and the length of the unit in seconds.
 
 @dataclass(frozen=True)
 class Part:
-    """A column that may be a part of a clock, and its unit."""
+    """A column that may be one part of a clock, for example the seconds, and the unit of its
+    numbers.
+    """
 
     column: TitledColumn
     unit: str
 
     @property
     def second(self) -> float:
-        """The unit in seconds."""
+        """Length of the unit, in seconds."""
         return PARTS[self.unit][1]
 
     @property
@@ -46,9 +48,10 @@ class Part:
         return any((np.diff(x) < 0).any() for x in self.column.values)
 
     def follows(self, coarser: Part) -> bool:
-        """Return True if the numbers suit a part that follows the `coarser` part. For seconds that
-        follow minutes, all numbers must be smaller than 60; if the seconds restart from zero, the
-        largest must be at least 30. The rule for other units is the same, with other numbers.
+        """Return True if the numbers suit a part that follows the `coarser` part. For example,
+        seconds that follow minutes must all be smaller than 60; if they restart from zero, the
+        largest must be at least 30. The same rule holds for other units, with the number of units
+        in the coarser unit instead of 60.
         """
         turn = round(coarser.second / self.second)
         highest = max(float(x.max()) for x in self.column.values)
@@ -56,9 +59,9 @@ class Part:
 
 
 def clock_in_parts(table: Table) -> dict[Column, str]:
-    """Return the columns of a clock in parts (for example seconds and nanoseconds) and their units;
-    empty if titles and values do not both show such a clock. The coarsest part may have any numbers
-    from zero on.
+    """Return the columns of a clock in parts (for example seconds and nanoseconds) and their units.
+    Return an empty dictionary if the titles name no such parts, or if the values do not suit them.
+    The numbers of the coarsest part may be any numbers from zero on.
     """
     found: dict[str, Part] = {}
     for one in table.values():

@@ -65,8 +65,8 @@ class TitledColumn:
 
     @property
     def kind(self) -> str:
-        """Kind of the column: `position`, `pressure`, or `force` for forces and loads; empty for
-        other quantities.
+        """Kind of the quantity: `position`, `pressure`, or `force` for forces and loads; empty for
+        any other quantity.
         """
         return KINDS.get(self.quantity, "")
 
@@ -159,7 +159,7 @@ class TitledColumn:
 
     @property
     def summaries(self) -> list[str]:
-        """Texts in rows that were computed from other rows, for example `mean`."""
+        """Texts of the column that mark rows computed from other rows, for example `mean`."""
         return [text for text in self.texts if text.casefold() in SUMMARIES]
 
     @property
@@ -202,7 +202,9 @@ another quantity.
 """
 
 SINCE_1970 = (946_684_800.0, 4_102_444_800.0)
-"""Seconds from 1970 to the years 2000 and 2100: clocks of computers count from 1970 on."""
+"""Seconds from the beginning of 1970 to the years 2000 and 2100. Clocks of computers count from
+1970 on, so a time between these limits is a date of this century.
+"""
 
 SUMMARIES = {
     *("mean", "average", "avg", "median", "std", "sd", "stdev", "stddev", "min", "max", "sum"),
@@ -211,7 +213,7 @@ SUMMARIES = {
 """Words in rows below a table that were computed from the rows above, for example `mean`."""
 
 FEWEST_ROWS = 5
-"""Smallest mean number of rows in the recordings that a column distinguishes."""
+"""A column may distinguish recordings if these have at least this number of rows on average."""
 
 Texts = tuple[Sequence[str], Sequence[Array], bool | str]
 """The different texts of a column; for each file an array `(n,)` with the number of each cell's
@@ -239,11 +241,11 @@ def read_titles(layout: Layout, raw: Raw, texts: Mapping[Column, Texts] | None =
 def _read_title(
     column: Column, place: int, title: str, values: Sequence[Array], line: str
 ) -> TitledColumn:
-    """Return a column. If its unit does not suit the quantity in its title, for example volts for a
-    force, the title names no quantity.
+    """Return a column with the quantity and the unit that its title gives. If the unit does not
+    suit the quantity, for example volts for a force, the column gets no quantity.
     """
     label = read_label(title.translate(HALF_WIDTH))
-    # cells that are shown in per cent contain fractions, whatever the title says
+    # cells that are displayed in per cent hold fractions, even if `%` stands in the title
     is_ratio = line == "1"
     texts = ["1"] if is_ratio else [*units_in(title), line]
     unit = next((one for text in texts if (one := unit_of(text))), "")

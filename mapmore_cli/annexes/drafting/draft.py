@@ -74,11 +74,13 @@ class NamedColumn:
 
     @property
     def places(self) -> set[Column]:
-        """The columns of the file that are read for the quantity."""
+        """The columns of a file that are read for the quantity: one, or several for a clock in
+        parts.
+        """
         return {*self.parts} or {self.column}
 
     def as_spec(self) -> Section:
-        """Return the column in the form of the spec."""
+        """Return the entry of `columns` in a spec that describes this column."""
         if self.parts:
             return {"columns": [*self.parts], "format": " ".join(self.parts.values())}
         # with `%` in the title, `check` would expect per cent if the unit 1 were not written
@@ -103,7 +105,8 @@ class Note:
     sure: bool = True
 
     def __str__(self) -> str:
-        why = " ".join(printable(self.why).split())  # titles of columns may contain any character
+        # titles may contain control characters and line breaks
+        why = " ".join(printable(self.why).split())
         return f"# {'' if self.sure else 'CHECK: '}{why}"
 
 
@@ -191,8 +194,8 @@ def yaml_text(spec: Mapping[str, Any], notes: Mapping[Loc, Note], head: str) -> 
 
 
 def _ten_digits(value: object) -> object:
-    """Return a value with numbers of at most ten digits, and whole numbers without a decimal
-    point.
+    """Return a value in which all numbers are rounded to ten significant digits. Whole numbers have
+    no decimal point.
     """
     match value:
         case dict():

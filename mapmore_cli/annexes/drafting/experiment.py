@@ -17,15 +17,20 @@ from mapmore_cli.modelling.signals.cycles import split_cycles
 from mapmore_cli.modelling.signals.plateau import default_within, find_levels, match_levels
 from mapmore_cli.study.sections.data import Cycles
 
-# samples farther from a level than this fraction of the distance between levels are left out
+# samples farther from a level than this fraction of the smallest gap between levels are left out
 NEAR = 0.1
 
 
 @dataclass(frozen=True)
 class Held:
-    """The quantity `of` that was held constant, its levels `at`, the quantity that was `swept`, and
-    the reason (`why`) for which `of` counts as held. If samples between levels must be left out,
-    `within` is the largest distance of a sample from its level.
+    """A quantity that was held constant, and how this was found out.
+
+    - `of`: the quantity that was held constant.
+    - `at`: its levels.
+    - `within`: the largest distance of a sample from its level, if samples between levels must be
+      left out; otherwise None.
+    - `swept`: the quantity that was swept at each level.
+    - `why`: the reason why `of` is regarded as held constant.
     """
 
     of: str
@@ -37,9 +42,9 @@ class Held:
 
 @dataclass(frozen=True)
 class Experiment:
-    """The recordings of a study, the names of its inputs and its target, the held quantity, the
-    values in names of files, and the quantities that distinguish the recordings of one file
-    (`apart`).
+    """What is known about an experiment: the recordings of a study, the names of its inputs and its
+    target, the quantity that was held constant, the values in names of files (`conditions`), and
+    the quantities that distinguish the recordings of one file (`apart`).
     """
 
     recordings: Sequence[Recording]
@@ -56,14 +61,18 @@ def find_held(
     hold: Hold | None,
     conditions: Conditions,
 ) -> Held | None:
-    """Return the quantity that was held constant while another input moved; None if nothing was
-    held constant, or only at a single level.
+    """Return the quantity that was held constant while another input moved. Return None if nothing
+    was held constant, or if there is only a single level.
 
-    If a person names a quantity, this one is returned. Otherwise, it is the only input whose values
-    are in names of files, or which stays constant in each recording. If there is no such input and
-    the study is a table without a clock, it is the only input that takes a few values repeatedly.
-    Each of these values must have enough samples for a curve. `conditions` are the values in names
-    of files, which are also columns of the recordings.
+    If a person names the quantity, this quantity is used. Otherwise, it must be the only input with
+    levels:
+
+    - An input has levels if it stays near one value in each recording, for example because its
+      values are in names of files.
+    - If no input has such levels, and the study is a table without a clock, an input has levels if
+      it takes a few values repeatedly, each with enough samples for a curve.
+
+    `conditions` are the values in names of files, which are also columns of the recordings.
 
     Raises
     ------
@@ -87,7 +96,7 @@ def find_held(
             return None
         (values,) = levels.values()
         if is_table and sum(one.rows_kept for one in recordings) < FEWEST * len(values):
-            # few samples at each value mean that the quantity moved in steps, and was not held
+            # with few samples at each value, the quantity moved in steps and was not held constant
             return None
     of = asked or next(iter(levels))
     swept = next((name for name in inputs if name not in (of, *levels)), None)
@@ -104,9 +113,9 @@ def find_held(
 
 
 def own_levels(recordings: Sequence[Recording], name: str) -> list[float] | None:
-    """Return the levels of a quantity that stays near one value in each recording; None if it has
-    no such levels, or only one such level. The gap between neighbouring levels is more than half
-    of the movement at any level.
+    """Return the levels of a quantity that stays near one value in each recording. Return None if
+    there are fewer than two levels, or if a gap between neighbouring levels is at most half as wide
+    as the largest range of values at one level.
     """
     series = [one.columns[name] for one in recordings if one.rows_kept]
     ends = np.array(sorted(np.quantile(values, (0.05, 0.95)).tolist() for values in series))
@@ -127,9 +136,9 @@ def _neat(middle: float, scatter: float) -> float:
 
 
 def set_values(recordings: Sequence[Recording], name: str) -> list[float]:
-    """Return the distinct values of a quantity if there are more than two, and each of them occurs
-    at least three times on average. Otherwise return an empty list. A quantity with two values may
-    be a switch.
+    """Return the distinct values of a quantity if there are at least three, and if each of them
+    occurs at least three times on average. Otherwise return an empty list. A quantity with only two
+    values may be a switch.
     """
     values, counts = np.unique(
         np.concatenate([one.columns[name] for one in recordings]), return_counts=True

@@ -14,7 +14,7 @@ from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Top
 from mapmore_cli.storage.tables.cells import stamp_of
 
-# a line of labelled values, as microcontrollers print them: `t:12,p:3.4`
+# a cell with a name and a number, as microcontrollers print it: `t:12`
 _LABELLED = re.compile(r"\s*[A-Za-z_]\w*\s*[:=]\s*[-+]?[.\d]\S*")
 
 LINES = 200  # largest number of lines of a table that `init` reads
@@ -45,7 +45,9 @@ UNREAD = {
 
 
 def unread(path: Path) -> str | None:
-    """Return why a file that may hold data is not read, and what to do; None for other files."""
+    """Return the reason why a file that may hold data is not read, with the remedy. Return None for
+    a file that a reader can read, and for a file that holds no data.
+    """
     suffix = suffix_of(path)
     remedy = next((how for which, how in UNREAD.items() if suffix[1:] in which.split()), None)
     if remedy is None or reader_of(path) is not None:
@@ -82,9 +84,10 @@ def comment_among(path: Path, layout: Layout) -> str | None:
 
 
 def refuse_serial(path: Path, tops: Sequence[Top]) -> None:
-    """Raise DataError for a text of a serial monitor whose cells are labelled values, or in which
-    an arrow stands between the time and the values. The remedy is a command that writes the labels
-    as titles, or a separator instead of the arrow.
+    """Raise DataError for a text that was copied from a serial monitor, if its cells have the form
+    `name:number`, or if an arrow stands between the time and the values. The message contains a
+    `sed` command that makes a table of the text: it writes the names into the first line only, or
+    replaces the arrow by a separator.
     """
     for top in (one for one in tops if one.rows and len(one.rows[len(one.rows) // 2]) > 1):
         cells = [*map(str, top.rows[len(top.rows) // 2])]

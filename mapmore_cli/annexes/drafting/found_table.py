@@ -64,14 +64,14 @@ class FoundTable:
         return top if is_ordered and {*steps[0]} != {1.0} else None
 
     def _is_without_corner(self, at: int) -> bool:
-        """Return True if a row is as wide as the table and does not begin with a number."""
+        """Return True if the row has `wide` cells and the first of them holds no number."""
         row = self.rows[at]
         return len(row) == self.wide and not self.top.is_number(row[0])
 
     @property
     def rank(self) -> tuple[int, int]:
-        """Sort key for the ways to read a table: the best way has the fewest columns in which texts
-        look like numbers and, among equals, the most rows.
+        """Sort key by which one of several tables is chosen. The best table has the smallest number
+        of text columns whose first text contains a digit. Among equals, it has the most rows.
         """
         texts = (cells for place, cells in enumerate(self.columns) if place not in self.numeric)
         doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in texts if cells)
@@ -113,7 +113,8 @@ class FoundTable:
 
     def _units(self, own: Sequence[str], written: Sequence[str]) -> list[str]:
         """Return the unit of each column: its `own` unit if the file stores one, otherwise the unit
-        in the line of units. Time stamps are read in seconds, whatever stands above them.
+        in the line of units. The unit of a column of time stamps is always `s`, because they are
+        read in seconds.
         """
         units = [without_brackets(unit or line) for unit, line in zip(own, written, strict=True)]
         for place in self.numeric:
@@ -137,13 +138,16 @@ class FoundTable:
         return are_units([cell for cell, below in zip(line, self.columns, strict=False) if below])
 
     def header_lines(self) -> dict[int, list[str]]:
-        """Return the lines directly above the numbers that may be titles or units, by their index.
-        They are as wide as the table, and no cell beyond the last column is filled.
+        """Return the lines above the numbers that may be titles or units, by their index. Such a
+        line is as wide as the table, and has no filled cell beyond the last column.
 
-        Blank lines may stand below titles and above a line of units. A cell that contains only the
-        beginning of a remark, for example `#`, counts as empty. Remarks of another form are passed
-        over. A line with numbers is left out, unless its cell above an empty column says what the
-        numbers are, for example `Count:`.
+        Lines are examined from the numbers upwards until one does not fit:
+
+        - Blank lines are skipped as long as no line of titles was found.
+        - A cell that contains only the beginning of a remark, for example `#`, is treated as empty.
+        - A line with numbers does not fit, unless its cell above an empty column says what the
+          numbers are, for example `Count:`.
+        - A line that does not fit, but begins like a remark, is skipped.
         """
         lines: dict[int, list[str]] = {}
         last = max(place for place, cells in enumerate(self.columns) if cells)
@@ -167,10 +171,14 @@ class FoundTable:
         return lines
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
-        """Return the line of titles. It is no line of units, and names at least half of the columns
-        of numbers. If several lines fulfil this, the line with the largest number of different
-        texts is returned and, among equals, the first. If all of these lines are remarks, the last
-        is returned.
+        """Return the index of the line of titles; None if there is none. The line contains titles
+        of at least half of the columns of numbers, and is no line of units, except if there is no
+        other line.
+
+        If several lines fulfil this, lines that are no remarks are preferred. Among them, the line
+        with the largest number of different texts is returned and, among equals, the first. If all
+        of the lines are remarks, the line with the largest number of different texts is returned
+        and, among equals, the last.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:
@@ -187,11 +195,12 @@ class FoundTable:
 
 
 def table_in(top: Top) -> FoundTable | None:
-    """Return the table to which the last rows belong; None if too few of their columns hold
+    """Return the table at the end of the examined rows; None if fewer than two of its columns hold
     numbers.
 
-    Cells may be empty, a word may stand for a missing number, and whole columns may hold words. The
-    very last row may be incomplete; remarks below the table are left out.
+    Some cells may be empty, a word may stand for a missing number, and whole columns may hold
+    words. The very last row may be incomplete, so it is not used; remarks below the table are left
+    out.
     """
     rows = top.rows[:-1] if len(top.rows) > 1 else top.rows
     widths = Counter(len(row) for row in rows[len(rows) // 2 :] if nonempty(row))
@@ -215,8 +224,8 @@ def table_in(top: Top) -> FoundTable | None:
         return count > 0 and (count == len(cells) or not are_units([*map(str, cells)]))
 
     def is_between(place: int) -> bool:
-        """Return True for a comment between two rows of the table, or a row with a remark behind
-        its numbers.
+        """Return True for a comment between two rows of the table, and for a row of the table that
+        has a remark after its numbers.
         """
         around = rows[max(place - 1, 0)], rows[min(place + 1, len(rows) - 1)]
         is_comment = COMMENT.match(str(rows[place][0]).encode()) is not None
@@ -234,10 +243,13 @@ def table_in(top: Top) -> FoundTable | None:
 
 
 def _labelled_lines(rows: Sequence[Row], wide: int, top: Top) -> list[Row]:
-    """Return the lines with `wide` cells at the beginning that say in their first cell what they
-    hold, for example `Name:`, `Unit:` and `Count:`. The first cells of the rows in the lower half
-    decide what counts as a label. If these cells are empty, at least three lines must have a label.
-    If they hold numbers, a label must end with a colon or an equals sign.
+    """Return the rows that have `wide` cells and begin with a label: a text that says what the row
+    holds, for example `Name:`, `Unit:` or `Count:`.
+
+    Whether a text is a label depends on the first cells in the lower half of the rows. If all of
+    these cells are empty, each text is a label, but only if at least three rows at the beginning
+    have one. If all of these cells hold numbers, a label must end with a colon or an equals sign.
+    Otherwise, there are no labels.
     """
     firsts = nonempty([row[0] for row in rows[len(rows) // 2 :] if len(row) == wide])
     filled = [row for row in rows if nonempty(row)]
@@ -253,10 +265,12 @@ def _told_apart(
     lines: Mapping[int, Sequence[str]],
     titled: int,
 ) -> list[str]:
-    """Return titles that are unique as far as possible. A title with a count above one is
-    replaced by the words of all header `lines` in its column. An empty title is replaced by the
-    words below the line of titles, which has the index `titled`. Words above the line of titles are
-    not used for that, because they may be about the whole file.
+    """Return titles that are unique as far as possible. `counts` says how often each title occurs.
+
+    A title that occurs several times is replaced by the words of all header `lines` in its column.
+    An empty title is replaced by the words in its column below the line of titles, which has the
+    index `titled`. The words above this line are not used, because they may be about the whole
+    file.
     """
     whole = list[str]()
     for place, title in enumerate(titles):
@@ -267,7 +281,7 @@ def _told_apart(
 
 
 def _padded(cells: Sequence[str], width: int) -> list[str]:
-    """Return `width` cells; missing cells are empty."""
+    """Return the first `width` cells. If there are fewer cells, append empty ones."""
     return [*cells, *[""] * width][:width]
 
 

@@ -62,11 +62,11 @@ def inner(levels: Sequence[float]) -> list[float]:
 
 
 def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
-    """Return the last samples of every recording, or other samples instead. `is_free` is True if
-    nobody asked for the last samples. Other samples replace them only if `is_free` is True and the
-    last samples lie outside the range of the earlier ones. The other samples are inner values of a
-    quantity that moves steadily. If no quantity has enough values for that, samples are drawn at
-    random.
+    """Return the last samples of every recording, or other samples instead, and the reason.
+
+    The last samples are returned if a person asked for them (`is_free` is False), or if they lie
+    inside the range of the earlier samples. Otherwise, inner values of a quantity that moves
+    steadily are returned. If no quantity has enough values for that, samples are drawn at random.
     """
     names = _beyond(done)
     if not names:
@@ -85,9 +85,10 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
 
 
 def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
-    """Return every third log for holding out, with all its pieces if it was cut. Logs that are
-    neither the first nor the last are preferred. If the recordings differ in the value of a single
-    quantity, the held-out recordings are named by their values of this quantity.
+    """Return the recordings to hold out: every third log except the first and the last or, if there
+    are only two logs, the second. If a log was cut into pieces, all its pieces are held out. If the
+    recordings differ in the value of a single quantity, every third of these values is held out
+    instead.
     """
     if len(done.apart) == 1:
         name = done.apart[0]
@@ -102,7 +103,7 @@ def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
 
 def _beyond(done: Experiment) -> list[str]:
     """Return the inputs for which more than half of the last samples of all recordings lie outside
-    the values of the earlier samples.
+    the range of the earlier samples.
     """
     names: list[str] = []
     for name in done.inputs:
@@ -115,8 +116,8 @@ def _beyond(done: Experiment) -> list[str]:
 
 
 def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Section:
-    """Return the middle fifth of the samples of an input that moves steadily; nothing for an input
-    with too few values.
+    """Return the band of an input that contains the middle fifth of its samples. The result is
+    empty if the band has no width, or if the values of the input are in names of files.
     """
     if name in values:
         return {}

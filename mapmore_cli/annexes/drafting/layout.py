@@ -10,17 +10,18 @@ from mapmore_cli.storage.tables import SourceColumn
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a file: its `reader`, and the `settings` of `data` with which it is read.
+    """Layout of a file: how it is read, and which columns it has.
 
+    - `reader`: name of the reader. `settings`: the keys of `data` with which the file is read.
     - `columns`: names of the columns in a spec: addresses if the file is a tree, otherwise unique
       titles, otherwise 0-based indices.
     - `titles`, `units`: titles and units of the columns as written in the file; an empty text for a
       column that has none.
-    - `alike`: the sheets of a workbook that have this layout, if there are several. `left` are the
-      other sheets of the workbook.
+    - `alike`: the sheets of a workbook that have this layout, if there are several.
     - `tables`: numbers of the tables in the file that have this layout, if the file has several
-      tables below each other or side by side. `left` are the other tables. `above` holds the words
-      above each of the tables, which may differ from file to file.
+      tables below each other or side by side. `above` holds the words above each of these tables,
+      which may differ from file to file.
+    - `left`: the sheets or tables of the file that have another layout.
     - `numeric`: indices of columns of numbers.
     """
 
@@ -37,5 +38,7 @@ class Layout:
 
     @property
     def is_map(self) -> bool:
-        """Return True for a map of cells, which is read as a table with a row for each cell."""
+        """Return True for a map of values over two quantities, which is read as a table with a row
+        for each cell of the map.
+        """
         return self.settings.get("table") == "map"

@@ -10,12 +10,13 @@ from mapmore_cli.domain.errors import UsageError
 
 
 def with_paper(draft: Draft, paper: str, held: Held | None) -> Draft:
-    """Return the draft with the settings of a paper's static study of a quantity that was swept at
-    held levels.
+    """Return the draft with the settings of a paper. `paper` is `m1` or `m2`, as in
+    docs/references.md. The settings are those of the paper's static study, in which one quantity
+    was swept at levels of another.
 
-    M1 (section IV) uses three segments, and does not state the number of terms and the
-    extrapolation. M2 (sections 4.4 and 5.1) uses the method of M1 with four segments and one term,
-    and extrapolates by the last piece.
+    The paper M1 (section IV) uses three segments; it does not state the number of terms and the
+    extrapolation. The paper M2 (sections 4.4 and 5.1) uses the method of M1 with four segments and
+    one term, and extrapolates with the last piece.
 
     Raises UsageError if no quantity was held constant.
     """

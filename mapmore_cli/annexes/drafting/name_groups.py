@@ -15,8 +15,9 @@ _TESTS = {"test", "testing", "val", "valid", "validation"}
 
 
 def numbered_groups(names: Sequence[str], group: str) -> Condition:
-    """Return a quantity whose value for each file is the number of its group. The group is found
-    in the name of the file.
+    """Return a quantity that numbers the groups of recordings: its value for each file is the
+    number of the group to which the file belongs. `group` is a word such as `sample`. The groups
+    are found in the names of the files.
     """
     groups = group_words(names, group)
     apart = sorted({*groups})
@@ -25,8 +26,8 @@ def numbered_groups(names: Sequence[str], group: str) -> Condition:
 
 
 def group_words(names: Sequence[str], group: str) -> list[str]:
-    """Return, for each name, the text that distinguishes its group. The first of these texts is
-    returned that no name lacks, and that is not the same in all names:
+    """Return, for each name, the text that distinguishes its group. Several kinds of text are tried
+    in this order, until every name contains a text of this kind, and not all of them are equal:
 
     - the number or letter after the word `group`;
     - the number after the first letter of `group`, for example `1` in `s1` for the group `sample`;
@@ -47,8 +48,9 @@ def group_words(names: Sequence[str], group: str) -> list[str]:
 
 
 def _without_number(match: re.Match[str]) -> str:
-    """Return the text that replaces a word and its number in a name: the word alone, or an empty
-    text if the number counts repeats. A specimen or a size stays unchanged.
+    """Return the text by which a number in a name, with its word and its unit, is replaced: an
+    empty text if the number counts repeated tests, or the word if the number has a unit. Numbers of
+    specimens, and sizes such as `10cm`, stay unchanged.
     """
     word, unit = match["word"] or "", (match["unit"] or "").casefold()
     if unit:

@@ -26,7 +26,7 @@ UNITS = {
     for quantity, (like, words_of_units) in _WRITTEN.items()
     for word in words_of_units.split()
 }
-# quantities for which the word beside a number in a name says more than the unit
+# a unit of length or `%` does not identify the quantity, so the word beside the number is used
 BY_WORD = ("length", "percent")
 RUNS = (
     "test|run|rep|repeat|trial|take|try|no|nr|num|cycle|loop|log|file|data|set|exp|experiment|part"
@@ -79,8 +79,8 @@ class Number(NamedTuple):
 
 
 def is_repeat(word: str) -> bool:
-    """Return True for a word of several letters that stands beside a count of recordings or
-    specimens.
+    """Return True for a word of several letters, for example `run` or `sample`, whose number counts
+    recordings or specimens.
     """
     return len(word) > 1 and _REPEATS.fullmatch(word) is not None
 

@@ -18,8 +18,9 @@ from mapmore_cli.study.units import CANONICAL, can_convert, convert, default_uni
 
 @dataclass(frozen=True)
 class Series:
-    """Numbers with the same word and unit, by the index of the name that contains the number. The
-    series is complete if each name contains one of the numbers.
+    """Numbers with the same word and the same unit in the names of files. `numbers` holds them by
+    the index of the name that contains the number. The series is complete if each name contains one
+    of the numbers.
     """
 
     numbers: dict[int, Number]
@@ -27,17 +28,19 @@ class Series:
 
     @property
     def first(self) -> Number:
-        """The first of the numbers, which has the word and the unit of all."""
+        """The first number. All numbers of the series have the same word and unit."""
         return next(iter(self.numbers.values()))
 
     @property
     def values(self) -> list[float]:
-        """The different values, in ascending order."""
+        """The different values of the numbers, in ascending order."""
         return sorted({one.value for one in self.numbers.values()})
 
     @property
     def is_count(self) -> bool:
-        """Return True for consecutive whole numbers without a unit."""
+        """Return True if the numbers have no unit and their values are consecutive, for example 1,
+        2, 3.
+        """
         values = self.values
         return not self.first.unit and values == [values[0] + at for at in range(len(values))]
 
@@ -58,7 +61,7 @@ class Condition:
 
     @property
     def in_model_units(self) -> list[float]:
-        """The values in the unit of the model."""
+        """The values, converted to the unit in which models use the quantity."""
         unit = CANONICAL.get(self.quantity, self.unit)
         if not self.unit or not unit:
             return [*self.values]
@@ -142,8 +145,8 @@ def _series_of(names: Sequence[str]) -> list[Series]:
 
 
 def _condition(quantity: str, unit: str, series: Series, names: Sequence[str]) -> Condition:
-    """Return a quantity whose values are the numbers in the names of files. A name without a
-    number gives the value zero.
+    """Return a quantity whose values are the numbers in the names of files. If a name contains no
+    number, its value is zero.
     """
     unit = UNITS[series.first.unit][1] if series.first.unit else unit
     numbers = series.numbers

@@ -63,8 +63,8 @@ def _campaign(name: str, outputs: Sequence[Draft], first: Path) -> Files:
 
 
 def _shared(specs: Sequence[Section]) -> tuple[Section, list[Section]]:
-    """Return the common part of all specs, and the rest of each; `data`, its columns and units are
-    compared key by key.
+    """Return the section that all specs have in common and, for each spec, its remaining keys. In
+    `data`, `columns` and `units`, the keys are compared one by one.
     """
     common: Section = {}
     rests: list[Section] = [{} for _ in specs]

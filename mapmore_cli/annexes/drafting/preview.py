@@ -1,4 +1,4 @@
-"""Find the layout of a file from its first lines, before its meaning is known."""
+"""Find the layout of a file from its first lines, before the meaning of its columns is known."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Rea
         rows[header] += len(table.rows)
     wanted = rows.most_common(1)[0][0]
     numbered = zip(enumerate(tables, start=1), headers, strict=True)
-    # one of several tables side by side may have titles, but no rows yet
+    # a table to the right of another may have titles, but no rows; it is left out
     alike = [(at, one) for (at, one), titles in numbered if titles == wanted and one.rows]
     first = alike[0][1]
     cells = [row for _, row in (*first.header, *first.rows[:LINES])]

@@ -107,8 +107,9 @@ class _Proposal:
     known: Understood
 
     def draft_of(self, target: str, second: Study | None, beside: Named) -> Draft:
-        """Return the spec for one quantity to predict. If a second log has the pressure, the log is
-        joined; `beside` are the columns of that log that the person named.
+        """Return the draft for one quantity to predict. If the files of the study lack the pressure
+        and a second log (`second`) has it, this log is joined; `beside` are the columns of the
+        second log that a person named.
         """
         draft = self._with_files()
         if len(self.known.targets) > 1:
@@ -203,8 +204,10 @@ class _Proposal:
 
 
 def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Draft:
-    """Return the draft. If two recordings have equal inputs but unequal outputs (`apart`), settings
-    for the groups that a person named are added to it; without such groups, a remark is added.
+    """Return the draft with what follows from `apart`: two recordings that have equal inputs, but
+    unequal outputs. If a person named the groups (`group`), settings for the groups are added to
+    the draft. Otherwise, a note asks whether the recordings belong to different sessions. If there
+    are no such recordings, the draft is unchanged.
     """
     if apart is None or (group is not None and not apart.effects):
         return draft

@@ -38,8 +38,9 @@ class Option:
 
 @dataclass(frozen=True)
 class Question:
-    """A question that the data cannot answer. `form` says how to answer, and `take` returns the
-    resulting answers, or raises UsageError.
+    """A question that the data cannot answer. `options` are the possible choices, `form` says how
+    to write the reply, and `take` returns the answers with this reply added; it raises UsageError
+    for an invalid reply.
     """
 
     text: str
@@ -49,8 +50,8 @@ class Question:
 
 
 Ask = Callable[[Question], str]
-"""Function that asks a question and returns a person's answer; `b` returns to the previous
-question. After an impossible answer, it asks again.
+"""Function that asks a question and returns a person's answer. The answer `b` returns to the
+previous question. After an invalid answer, the question is asked again.
 """
 View = Callable[[Answers], Understood]
 """Function that interprets answers: it returns the columns, targets and inputs of the study."""
@@ -68,7 +69,9 @@ class Asked:
     answers: Answers
 
     def options(self, but: Iterable[Column] = ()) -> tuple[Option, ...]:
-        """Return the columns in the list that `init` prints, with the same numbers."""
+        """Return the columns from which a person can choose, except those in `but`. They have the
+        same numbers as in the list that `init` prints.
+        """
         columns = listed(self.table, but).items()
         return tuple(Option(str(at), one.described, course(one.values)) for at, one in columns)
 
@@ -105,7 +108,7 @@ def course(values: Sequence[Array], width: int = 40) -> str:
 
 
 def _target(asked: Asked) -> Question | None:
-    with suppress(UsageError):  # the target may still be unknown at this time
+    with suppress(UsageError):  # UsageError means that the target is still unknown
         if asked.answers.target or asked.view(asked.answers):
             return None
 
@@ -200,4 +203,6 @@ def _groups(asked: Asked) -> Question | None:
 
 
 QUESTIONS = (_target, _inputs, _held_out, _groups)
-"""The questions, each of which is asked only if it is open."""
+"""Functions that return the questions in their order. A function returns None if its question need
+not be asked.
+"""

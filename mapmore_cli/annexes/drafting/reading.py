@@ -36,23 +36,25 @@ from mapmore_cli.storage.tables.cells import NotANumber
 from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import default_unit
 
-MOST_FILES = 5  # largest number of files that are read
+MOST_FILES = 5  # largest number of files from which the columns are found
 MOST_SHOWN = 12  # largest number of columns that are named in one line
-# a column with more different words than this is a column of words, not of missing numbers
+# largest number of different words in a column that may stand for missing numbers
 MOST_WORDS = 3
 
 T = TypeVar("T")
 
 
 class _Columns(Data):
-    """The columns of a file before their meaning is known; any of them may hold time stamps."""
+    """Columns of a file before their meaning is known. Each of them may hold time stamps."""
 
     def clocks(self) -> frozenset[Column]:
         return frozenset(column.column for column in self.columns.values())
 
 
 def read_draft(draft: Draft, folder: Path, measured: str, warn: Warn = lambda _: None) -> Dataset:
-    """Return the dataset of a draft, in its units. Raises DataError if it cannot be made."""
+    """Return the dataset that a draft describes, in the units of the draft. Raises DataError if the
+    recordings cannot be read.
+    """
     data = Data.model_validate(draft.data)
     units = {name: default_unit(name) for name in data.quantities} | draft.spec.get("units", {})
     try:
@@ -111,9 +113,10 @@ def table_of(study: Study, folder: Path) -> Table:
 
 
 def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dict[Column, Texts]:
-    """Return the different texts of a column, and for each cell the number of its text. An empty
-    cell gets the text above it if most texts would otherwise occur only once. The mapping is empty
-    if texts seldom occur more than once.
+    """Return the different texts of a column, and for each cell the number of its text, as a
+    mapping with the column as its only key. If most texts would otherwise occur only once, an empty
+    cell gets the text of the next filled cell above it. The mapping is empty if the texts still
+    seldom repeat.
     """
     for how in (True, "down"):
         entry = {"column": column, "texts": how}
@@ -129,7 +132,7 @@ def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dic
         numbers = [x[np.isfinite(x)] for x in cells]
         words, is_down = [*meter.texts["label"]], how == "down"
         is_again = (FEWEST_ROWS if is_down else 2) * len(words) <= sum(map(len, numbers))
-        # a text with empty cells above it is a remark
+        # texts are no names of blocks if the first cells of the column are empty
         is_everywhere = len(words) > 1 and [*map(len, cells)] == [*map(len, numbers)]
         if is_again and all(map(len, numbers)) and (is_everywhere or not is_down):
             return {column: (words, numbers, how)}

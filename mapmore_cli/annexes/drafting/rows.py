@@ -16,7 +16,7 @@ Row = Sequence[Any]
 
 
 def filled_by_column(rows: Sequence[Row], wide: int) -> list[list[Any]]:
-    """Return the filled cells of each column, from the rows with `wide` cells."""
+    """Return the filled cells of each column. Only the rows that have `wide` cells are used."""
     return [*map(nonempty, zip(*(row for row in rows if len(row) == wide), strict=True))]
 
 
@@ -27,8 +27,8 @@ def are_units(cells: Sequence[str]) -> bool:
 
 
 def _reads_as_unit(cell: str) -> bool:
-    """Return True if a cell is a unit. A single letter may also be a title, so it counts as a unit
-    only if the unit is common.
+    """Return True if a cell is a unit. A single letter may also be the title of a column, so it is
+    treated as a unit only if it is one of the common units in `LETTERS`.
     """
     unit = without_brackets(cell)
     if len(unit) == 1:

@@ -19,17 +19,17 @@ from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.study.units import convert
 
-# a step longer than this multiple of the usual step is a gap
+# a time step is a gap if it is longer than this multiple of the usual step
 BREAK = 5
 
 
 def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
-    """Return the log with the pressure of the same tests. It is the only layout in the folder of
-    the study that has as many files as the study, titles that name the time and the pressure, and
-    no title that names a force or a position.
+    """Return the study that contains the pressure of the same tests, recorded by a second device.
+    It is the only study in the same folder with the same number of files, with titles that name the
+    time and the pressure, and without a title that names a force or a position.
 
-    Return None if the study has no time or a pressure of its own, or if several layouts are
-    possible.
+    Return None if the study needs no second log, because it has no time or already has the
+    pressure; or if none or several of the other studies fit.
     """
     beside = [
         one
@@ -43,9 +43,9 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
 
 
 def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said: Named) -> Draft:
-    """Return the draft with the pressure of a second log. If a time shift can be found at which the
-    changes of the pressure match the changes of the target, the log is shifted by this time. `said`
-    are the columns of the second log that a person named.
+    """Return the draft, to which the pressure from a second log is joined. If a time shift is found
+    at which the changes of the pressure match the changes of the target, the second log is shifted
+    by this time. `said` are the columns of the second log that a person named.
 
     Raises DataError if one of the two logs has no clock, or if the second log has no pressure.
     """
@@ -71,7 +71,8 @@ def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said
     try:
         notes = read_draft(lenient(draft.with_data("join", [entry])), folder, target).notes
         how_shifted = next((note for note in notes if ": shift " in note), "").partition(": ")[2]
-    except DataError:  # no shift was found: a log never changes, or several shifts fit
+    # no time shift was found, because one of the signals never changes or several shifts fit
+    except DataError:
         del entry["match"]
         entry["shift"] = 0.0
         how_shifted, sure = "do both logs have the same clock?", False

@@ -16,10 +16,12 @@ from mapmore_cli.ingestion.globs import expand, relative_name
 
 
 def patterns(files: Sequence[Path], folder: Path, bad: Iterable[Path] = ()) -> list[str]:
-    """Return a list with one glob, relative to `folder`, that matches all `files` and, in addition,
-    at most the `bad` files. If there is no such glob, return the names of all files.
+    """Return a list with one glob, relative to `folder`, that matches all `files`. It may also
+    match some of the `bad` files, but no other file. If there is no such glob, return the names of
+    all files.
 
-    In the glob, each folder or file is given by the words with which all its names begin and end.
+    If folders or files at one position of the paths have different names, the glob has the words
+    with which all these names begin and end, and `*` between them.
     """
     names = [relative_name(file, folder) for file in files]
     steps = [name.split("/") for name in names]
@@ -32,8 +34,8 @@ def patterns(files: Sequence[Path], folder: Path, bad: Iterable[Path] = ()) -> l
 
 
 def resolved(files: Iterable[Path]) -> set[tuple[Path, str]]:
-    """Return the resolved folder and the name of each file, which are the same however the path is
-    written. Only the folders are resolved, because there may be thousands of files.
+    """Return the resolved folder and the name of each file, so that different ways to write one
+    path give equal results. Only the folders are resolved, because there may be thousands of files.
     """
     files = list(files)
     folders = {parent: parent.resolve() for parent in {file.parent for file in files}}
@@ -41,7 +43,9 @@ def resolved(files: Iterable[Path]) -> set[tuple[Path, str]]:
 
 
 def _glob_of(parts: Sequence[str]) -> str:
-    """Return a glob that matches all `parts`, the names at one position of the paths."""
+    """Return a glob that matches all `parts`: the names of folders or files at one position of the
+    paths.
+    """
     if len(parts) == 1:
         return glob.escape(parts[0]) if parts[0] != ".." else ".."
     begin = os.path.commonprefix(parts).rstrip("0123456789")  # noqa: RUF071 - of letters
@@ -57,10 +61,9 @@ def started(
     remark: str = "",
     columns: Named | None = None,
 ) -> Draft:
-    """Return a draft with the name and the files; recordings for which the same values are set
-    share an entry. Files with other units have `columns` of their own.
-
-    `remark` is about numbers in names that only count repetitions.
+    """Return a new draft with the name of the study and its files. Recordings with equal values in
+    their names share an entry of `files`. Files whose columns have other names or units get their
+    own `columns`. `remark` is a text about numbers in names that only count repetitions.
     """
     layout, changed = study.layout, study.changed_columns(columns or {})
     is_by_sheet = bool(study.parts[0][1]) and bool(conditions or layout.left)
@@ -99,8 +102,9 @@ def _file_entries(
     is_by_part: bool,
     changed: Mapping[Path, Section],
 ) -> list[Any]:
-    """Return the `files` of a spec: globs, with the sheet or the table, and the values from names.
-    Files with other units get the entries of `columns` in `changed`.
+    """Return the entries of `files` in a spec: globs, with the sheet or the number of the table,
+    and the values that the names of the files contain. Files whose columns have other names or
+    units get the entries of `columns` that `changed` holds for them.
     """
     values = [one.in_model_units for one in conditions]
     members: dict[tuple[Any, ...], list[Path]] = {}

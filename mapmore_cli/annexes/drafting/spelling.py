@@ -7,7 +7,7 @@ import unicodedata
 
 
 def words(text: str) -> list[str]:
-    """Return the words and numbers of a text in small letters."""
+    """Return the words and numbers of a text, in lower case."""
     return [word.casefold() for word in re.findall(r"[^\W\d_]+|\d+", text)]
 
 

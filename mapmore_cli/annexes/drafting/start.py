@@ -111,8 +111,8 @@ def _refuse_all(
     path: Path, refusal: UsageError | None, remarks: Sequence[str]
 ) -> DataError | UsageError:
     """Return the error for a path for which no draft could be made. If each file holds one channel,
-    the remedy is the command that makes one table of the files. Otherwise, the error is the
-    `refusal` of a study, or an error with the `remarks` about all files.
+    the message contains the command that makes one table of the files. Otherwise, the `refusal` of
+    a study is returned, if there is one, or an error that lists the `remarks` about all files.
     """
     if (command := command_for_one_table(path)) is not None:
         return DataError(

@@ -20,11 +20,11 @@ from mapmore_cli.study.units import default_unit
 
 # smallest number of samples of a study with memory, in all recordings together
 FEWEST = 200
-# above this number of samples in all recordings, a study with memory gets longer time steps
+# with more samples in all recordings together, a study with memory gets longer time steps
 MOST = 6_000
-# smallest number of samples that a usual recording must keep if its time steps are made longer
+# number of samples that a recording of median length must keep if time steps are made longer
 LEAST = 100
-# changes within recordings below this fraction of the differences between recordings are scatter
+# recordings are single points if they vary less than this fraction of the differences between them
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 
@@ -47,7 +47,8 @@ def with_experiment(
     is_static = _is_at_rest(done) if held is None else held.why == "you" or target == "force"
     if not is_static and "time" in recordings[0].columns and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
-        if "gaps" in draft.data:  # read again, because each piece of a recording has its own id
+        # the recordings are read again, because gaps cut them into pieces with their own ids
+        if "gaps" in draft.data:
             done = replace(done, recordings=read(draft))
         return with_split(draft, done, held_out, has_memory=True)
     if held is not None:
@@ -83,8 +84,9 @@ def _is_at_rest(done: Experiment) -> bool:
 
 
 def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: Held) -> Draft:
-    """Return the draft for a static study: it keeps only samples at which steps of the pressure
-    have settled, or splits loops into branches.
+    """Return the draft for a static study. If the pressure was changed in steps, only samples at
+    which it has settled are kept. If the swept quantity moves up and down at every level, each loop
+    is split into its two branches.
     """
     is_timed = held.swept == "pressure" and "time" in recordings[0].columns
     settled = settling(recordings) if is_timed else None
@@ -118,7 +120,9 @@ def _with_levels(draft: Draft, held: Held) -> Draft:
 
 
 def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
-    """Return the draft with equal time steps, and gaps at which memory restarts."""
+    """Return the draft with equal time steps and, if there are gaps in time, with the key `gaps`,
+    so that the memory of the model begins again after each gap.
+    """
     times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
     usual = float(np.median(np.concatenate([np.diff(time) for time in times])))
     lengths = [float(np.ptp(time)) for time in times]

@@ -28,11 +28,12 @@ from mapmore_cli.study.units import CANONICAL
 
 @dataclass(frozen=True)
 class Study:
-    """Files of one layout, and a name for them. `bad` are the files of the folder that belong to no
-    study, with the reasons.
+    """Files with the same layout, and a name for them.
 
-    `variants` are the layouts of files with other units, for example bar if most files have kPa.
-    `above` holds the words above each table of a file.
+    - `bad`: the files of the folder that belong to no study, with the reasons.
+    - `variants`: the layouts of the files whose columns have other units or another order, for
+      example bar if most files have kPa.
+    - `above`: the words above each table of a file.
     """
 
     files: tuple[Path, ...]
@@ -52,22 +53,24 @@ class Study:
 
     @property
     def of_layout(self) -> Study:
-        """The study with only the files whose layout is exactly `layout`, without the variants."""
+        """The study without the files in `variants`, so that all its files have exactly the same
+        `layout`.
+        """
         files = tuple(file for file in self.files if file not in self.variants)
         return replace(self, files=files, variants={})
 
     def changed_columns(self, columns: Named) -> dict[Path, Section]:
-        """Return the entries of `columns` that a file needs for itself because its titles or units
-        differ from the titles or units of most files. A file in which only the order of the columns
-        differs needs none.
+        """Return the entries of `columns` that single files need, by file, because the titles or
+        units of their columns differ from those of most files. A file in which only the order of
+        the columns differs needs no entries.
         """
         of_layouts = {id(one): self._columns_of(one, columns) for one in self.variants.values()}
         changed = {file: of_layouts[id(layout)] for file, layout in self.variants.items()}
         return {file: entries for file, entries in changed.items() if entries}
 
     def _columns_of(self, layout: Layout, columns: Named) -> Section:
-        """Return the entries of `columns` that `layout` needs because its titles or units
-        differ.
+        """Return the entries of `columns` that a file with this `layout` needs, because its titles
+        or units differ from those of most files.
         """
         usual, titled = _identities(self.layout), read_titles(self.layout, {})
         there = {identity: column for column, identity in _identities(layout).items()}
@@ -131,7 +134,7 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     inside = (one for one in sorted(path.rglob("*")) if one.is_file() and _is_own(one, path))
     every = [path] if path.is_file() else [*inside]
     readable = [file for file in every if file == path or reader_of(file) is not None]
-    copies = _copies(readable)  # only files that can be read are compared with their copies
+    copies = _copies(readable)  # a copy of an unreadable file need not be found
     layouts, faults = _layouts_of([file for file in readable if file not in copies])
     root = path if path.is_dir() else path.parent
     names = {file: relative_name(file, root) for file in readable}
@@ -149,8 +152,8 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
 
 
 def _layouts_of(files: Iterable[Path]) -> tuple[dict[Path, Layout], dict[Path, str]]:
-    """Return the layout of each file, and the reasons why other files have none. Of texts with the
-    same kinds of lines, only one is examined.
+    """Return the layout of each file, and the reasons why other files have none. If several text
+    files have the same kinds of lines, only the first is examined, and the others get its layout.
     """
     layouts: dict[Path, Layout] = {}
     faults: dict[Path, str] = {}
@@ -170,8 +173,9 @@ def _layouts_of(files: Iterable[Path]) -> tuple[dict[Path, Layout], dict[Path, s
 
 
 def _copies(files: Iterable[Path]) -> dict[Path, Path]:
-    """Return the files that are copies, each with its original. Of files with the same contents,
-    the file with the shortest name counts as the original. Empty files are no copies.
+    """Return the files that are copies, each with its original. If several files have the same
+    contents, the file with the shortest name is the original, and the others are its copies. Empty
+    files are not compared.
     """
     by_size: dict[int, list[Path]] = {}
     for file in sorted(files, key=lambda file: (len(file.name), file)):
@@ -199,17 +203,19 @@ def _with_comments(layout: Layout, files: Sequence[Path]) -> Layout:
 
 
 Identity = tuple[str | int, ...]
-"""The name, the quantity and the unit of a column, as far as they are equal in all files of a
-study.
+"""What identifies a column in all files of a study: its name, its quantity and, if all files must
+have the same unit, its unit.
 """
 
 
 def _identities(layout: Layout) -> dict[Column, Identity]:
-    """Return an identity for each column of numbers. Columns with equal identities correspond to
-    each other in files whose units or order of columns differ. The identity consists of the name
-    and the quantity of the column, and of its unit. For a known quantity, whose units can be
-    converted, any unit counts as the same. The position of a column is added if some titles are
-    missing or equal.
+    """Return an identity for each column of numbers. If two files differ only in units or in the
+    order of columns, a column of one file corresponds to the column with the equal identity in the
+    other.
+
+    The identity consists of the name, the quantity and the unit of the column. For a known
+    quantity, the identity only says whether there is a unit, because units of a known quantity can
+    be converted. The position of the column is added if some titles are missing or equal.
     """
     columns = [one for one in read_titles(layout, {}).values() if one.place in layout.numeric]
     identities: list[Identity] = [
@@ -229,9 +235,9 @@ def _identities(layout: Layout) -> dict[Column, Identity]:
 
 
 def _joined(layouts: Mapping[Path, Layout]) -> list[Study]:
-    """Return a study for each layout, with its files. Layouts that differ only in the units of
-    their titles, or in the order of the columns, form one study, for which the layout of the most
-    files is used.
+    """Return a study for each layout, with its files. Layouts that differ only in the units in
+    their titles, or in the order of the columns, form one study. Its `layout` is that of most of
+    its files.
     """
     alike: dict[str, list[Path]] = {}
     for file, layout in layouts.items():
@@ -264,8 +270,9 @@ def _is_own(file: Path, folder: Path) -> bool:
 
 
 def _name(study: Study, alone: bool) -> str:
-    """Return a name for a study: the words that all names of its files share, or the name of the
-    folder if there are none, or if the study is `alone` in the folder and has several files.
+    """Return a name for a study. It consists of the words that the names of all its files contain
+    at the same position. If there are no such words, or if the study has several files and is the
+    only one in its folder (`alone`), it is the name of the folder.
     """
     stems = [re.split(r"[_\s/]+", stem_of(file.name)) for file in study.files]
     common = [words[0] for words in zip(*stems, strict=False) if len(set(words)) == 1]

@@ -9,7 +9,7 @@ from mapmore_cli.study.units import unit_of
 
 # A whole number in brackets is an index, as in `s[12]`, except for the unit 1 in `strain [1]`.
 _BRACKETS = re.compile(r"[\[(]\s*((?<=\s[\[(])1(?=\s*[\])])|(?!\d+\s*[\])])[^\])]+?)\s*[\])]")
-# brackets and signs of Chinese and Japanese texts, with those of European texts
+# brackets and signs of Chinese and Japanese texts are replaced by the ASCII characters
 HALF_WIDTH = str.maketrans("（）［］／％", "()[]/%")
 _BEHIND = re.compile(r"(?:[_,/]|\bin)\s*(?!\d+$)([^\s_,/]+)$")
 

@@ -36,12 +36,12 @@ class Understood:
     columns
         The columns that are read, by quantity.
     targets, inputs
-        The quantities to predict, and the inputs that are columns.
+        The quantities to predict, and the columns that are inputs.
     conditions, remark
-        The quantities whose values stand in names of files, and a remark about the numbers in names
+        The quantities whose values are in names of files, and a remark about the numbers in names
         that are not used.
     left_out
-        The reasons why other columns are left out.
+        The reason for each column that is left out.
     group
         The quantity that distinguishes groups. It is a column or a word in names of files.
     apart
@@ -74,8 +74,9 @@ class Understood:
 def understood(
     study: Study, table: Table, answers: Answers, path: str, is_driven: bool = False
 ) -> Understood:
-    """Return which quantities a study has, from the titles of columns, the names of files and the
-    answers of a person; `is_driven` is True if a second log holds an input.
+    """Find out which quantities of a study are targets, inputs and levels. Use the titles of
+    columns, the names of files and the answers of a person. `is_driven` is True if a second log
+    holds an input.
 
     Raises
     ------
@@ -91,7 +92,7 @@ def understood(
     chosen = named_by_person(answers.target, table, "--target", columns)
     columns |= chosen
     conditions, unused = _conditions_of(study, table, answers, columns)
-    # a person who names inputs also says that something drives the target
+    # if a person names inputs, the target depends on them
     has_input = bool(conditions or answers.inputs)
     targets = [*chosen] or _target_by_titles(table, answers, columns, apart, has_input)
     if not targets:
@@ -140,8 +141,8 @@ def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str
 
 
 def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
-    """Yield the columns that a person names. A quantity whose values are in names of files has no
-    column.
+    """Yield the columns that a person names, except the columns of quantities whose values are in
+    names of files.
     """
     for column in named.values():
         with suppress(UsageError):

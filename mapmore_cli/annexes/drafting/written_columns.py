@@ -46,13 +46,13 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
 
 
 def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Draft, str]:
-    """Return the draft with the strain computed from a column with a length or a displacement, and
-    the name of this column. `length` is the length of the muscle, in m. If a column holds the
-    strain, or if there is no such column, the name is empty, and only the length of the muscle is
-    added.
+    """Return the draft with a strain that is computed from the column of a length or a
+    displacement, and the name of this column. `length` is the length of the muscle, in m. If a
+    column holds the strain already, or if there is no length and no displacement, only the length
+    of the muscle is added to the draft, and the name is empty.
 
-    A displacement counts as contraction in the direction in which it mostly moves. `conditions` are
-    the values in names of files.
+    The strain is positive in contraction: a displacement gets a minus sign if its value with the
+    largest magnitude is negative. `conditions` are the values in names of files.
     """
     draft = draft.with_section("muscle", {"length": length})
     columns = draft.data["columns"]

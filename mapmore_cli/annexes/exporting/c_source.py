@@ -56,15 +56,15 @@ further bit, and an `int` may have only 16 bits.
 """
 
 STATUS = (NONE, ONE, SEVERAL, FLAT)
-"""Return values of the inverse functions, counted from 0."""
+"""Meanings of the return values 0, 1, 2 and 3 of an inverse function."""
 
 DIVIDED = 64
-"""Largest number of parts of a scan that C code divides further, so that the places fit on the
-stack. Python has no such limit.
+"""Largest number of parts of an input's range that the inverse in C divides further. The limit is
+needed because the ends of the new parts must fit on the stack; Python has no such limit.
 """
 
 COARSER = 1000.0
-"""Factor by which the limits of the inverse are wider in single precision."""
+"""Factor by which the tolerances of the inverse are larger in single precision."""
 
 SEARCH = {
     "status": STATUS,
@@ -129,8 +129,8 @@ def c_source(model: Model, single: bool = False) -> CSource:
 
 
 class CSource(NamedTuple):
-    """A model in C: the `name` of its functions, its program, its dialect, and the variables of the
-    templates with their values (`words`).
+    """A model in C: the `name` of its functions, its program, its dialect, and `words`, the values
+    of the variables in the templates.
     """
 
     name: Code
@@ -167,8 +167,8 @@ def functions(words: Mapping[str, Any]) -> str:
 
 
 def _inverses(words: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield, for every input with a known training range, the variables of the template of the
-    function that solves for this input.
+    """Yield the values of the variables in the template of an inverse function, once for every
+    input with a known training range. The function finds this input for a wanted output.
     """
     for name, in_code in names_of_inputs(words["model"].inputs).items():
         try:

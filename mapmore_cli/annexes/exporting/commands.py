@@ -96,7 +96,8 @@ def export(
 
             valve = kinds.alone(read_model(pressure, reporter.warn))
             model = actuator(kinds.alone(model), valve)
-        if output.is_dir():  # otherwise the folder is made, and nothing lies in it
+        # a folder that does not exist yet contains no file that could be overwritten
+        if output.is_dir():
             for name in names_of_files(model, to):
                 refuse_early(output / name, chosen=True)
         files = exported(

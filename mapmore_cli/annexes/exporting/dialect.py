@@ -15,12 +15,14 @@ class Dialect:
     """Differences between the languages of exports.
 
     - `number`: function that writes a finite number.
-    - `language`: language whose texts of functions are used (`expressions.functions`); `library`:
-      how the name of a library function is written; `power`: pattern of a power with any exponent.
-    - `constant`: line that names a value that is not assigned again.
-    - `nothing`: the value that stands for a missing value.
-    - `quotient`: text of a quotient of dividend and divisor.
-    - `assigned`: an assignment; `state`: prefix of a name that is kept in the state `s`.
+    - `language`: language in which functions of expressions are written (`expressions.functions`);
+      `library`: pattern for the name of a function of the language's library; `power`: pattern of a
+      power with any exponent.
+    - `constant`: line that gives a name to a value, which then never changes.
+    - `nothing`: text of a missing value (NaN).
+    - `quotient`: pattern of a quotient of dividend and divisor.
+    - `assigned`: line that assigns a value to a name; `state`: prefix of a name that is kept in the
+      state `s`.
     - `recalled`: text of the value that was appended to a queue `steps` samples ago; this value
       stands `left` places after the oldest value. `queued`: lines that append a value to a queue.
     - `several`: lines that call a function with several results, and assign its results to names.

@@ -1,7 +1,7 @@
 """Export models to other languages, as files by name.
 
-An exporter takes a model and a request, and returns its files. `EXPORTERS` declares every form by
-the word after `mapmore export --to`.
+An exporter is a function that takes a model and a request, and returns files. `EXPORTERS` holds
+every format by its name in `mapmore export --to`.
 """
 
 from __future__ import annotations
@@ -35,13 +35,14 @@ Exporter = Callable[[Model, Wanted], Mapping[str, str | bytes]]
 
 
 class Form(NamedTuple):
-    """A form in which `mapmore export` writes models.
+    """A format in which `mapmore export` writes models.
 
     - `write`: function that returns the files by name.
-    - `snippet`: template in `sources/snippets/` with lines that call the files; empty if there is
-      nothing to call.
-    - `options`: options of the command that work with this form.
-    - `whole`: True if all outputs of a model are written together, otherwise each is written alone.
+    - `snippet`: template in `sources/snippets/` with lines that show how the files are called;
+      empty if there is nothing to call.
+    - `options`: options of the command that work with this format.
+    - `whole`: True if all outputs of a model are written into the same files. Otherwise, each
+      output gets its own files.
     - `notice`: True if files of code get the notice of mapmore's licence.
     - `endings`: endings of the names of those files that are written for every model, for example
       `_main.c`. The name of the model stands before the ending.
@@ -70,7 +71,7 @@ EXPORTERS: dict[str, Form] = {
     "mujoco": Form(mujoco_files, "mujoco.py", endings=(*_C, "_mujoco.c")),
     "simulink": Form(simulink_files, "simulink.m", endings=(*_C, "_simulink.h", "_simulink.c")),
 }
-"""Forms by the word after `--to`. To add a form, add a row, and a sentence to the help."""
+"""Formats by the name after `--to`. To add a format, add a row here and a sentence to the help."""
 _FUNCTION: type[Exporter] = Callable  # type: ignore[assignment]  # any function may be an exporter
 EXPORTERS |= {
     part.name: Form(part.value, notice=False)
@@ -79,8 +80,8 @@ EXPORTERS |= {
 
 
 def snippet(model: Model, to: str, files: Sequence[str]) -> str:
-    """Return lines that call the exported `files` in the middle of the training range; empty if
-    there is nothing to call.
+    """Return lines of code that show how the exported `files` are called, for a point in the middle
+    of the training range; empty if there is nothing to call.
     """
     form = EXPORTERS[to]
     if not form.snippet:
@@ -101,10 +102,9 @@ def snippet(model: Model, to: str, files: Sequence[str]) -> str:
 
 
 def names_of_files(model: Model, to: str) -> list[str]:
-    """Return the names of the files that a form writes for every model. The names are known before
-    the code is made. A form of a plug-in has none.
-
-    Raises UsageError if there is no such form, and for a name of the model without a letter.
+    """Return the names of the files that a format writes for every model. The names can be found
+    without writing the code. For a format of a plug-in, the list is empty. Raises UsageError if
+    there is no such format, or if the name of the model contains no letter.
     """
     form = _form(to)
     return [
@@ -115,14 +115,16 @@ def names_of_files(model: Model, to: str) -> list[str]:
 
 
 def _form(to: str) -> Form:
-    """Return one of the `EXPORTERS`. Raises UsageError if there is no such form."""
+    """Return one of the `EXPORTERS` by its name. Raises UsageError if there is no such format."""
     if to not in EXPORTERS:
         raise UsageError(f"there is no export to {to!r}", f"choose one of {', '.join(EXPORTERS)}")
     return EXPORTERS[to]
 
 
 def _parts(model: Model, form: Form) -> Sequence[Model]:
-    """Return the models that a form writes one by one: the model, or the model of each output."""
+    """Return the models that are written one after the other: the whole model if the format writes
+    all outputs together, otherwise the model of each output.
+    """
     return [model] if form.whole else model.each
 
 
@@ -135,11 +137,12 @@ def exported(
     verify: bool = True,
     warn: Warn = lambda _text: None,
 ) -> dict[str, bytes]:
-    """Return the files of a model by one of the `EXPORTERS`; C may be of `single` precision.
+    """Return the files of a model in one of the formats of `EXPORTERS`. With `single`, C code is
+    written in single precision.
 
-    With several outputs, C is one function; other forms are written for each output, with its name.
-    `csv` needs the points of a `grid`; `table` has the points of a `grid`, or spreads points over
-    the training range.
+    If the model has several outputs, the C code is one function for all of them; most other formats
+    have files for each output, with its name. `grid` gives the points of `csv` and `table`. `csv`
+    needs it; without it, `table` has points that are spread over the training range.
 
     With `verify`, the code of `c`, of FMUs, modules and functions is compared with `predict`.
     `warn` is called if an FMU has no binary for this machine, and if nothing could be compared
@@ -163,7 +166,7 @@ def exported(
 
 
 def _refuse_odd(to: str, files: object) -> None:
-    """Raise UsageError if a plug-in returns no files, or returns files for other folders."""
+    """Raise UsageError if a plug-in returns no files, or a file with a folder in its name."""
     fault = ""
     if not isinstance(files, Mapping):
         fault = f"returns {type(files).__name__} instead of files by name"

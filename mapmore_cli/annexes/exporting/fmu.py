@@ -31,8 +31,8 @@ WRAPPERS = {
     2: ("unit.h", "co-simulation.h", "co-simulation.c"),
     3: ("unit.h", "co-simulation-3.c"),
 }
-"""Source files of every FMU, by the version of the standard. No model may have one of these names.
-The last file is compiled.
+"""Source files of every FMU, by the version of the standard. The last file is compiled together
+with the C code of the model. No model may have the name of one of these files.
 """
 
 BITS = "outside_range"
@@ -54,7 +54,7 @@ class UnitSources:
 
 
 class Variable(NamedTuple):
-    """A variable of the FMU, as FMI describes it."""
+    """A variable of an FMU, with the attributes that FMI gives to a variable."""
 
     name: str
     about: str
@@ -91,7 +91,7 @@ def unit_file(model: Model, wanted: Wanted, standard: int = 2) -> dict[str, byte
             # the default date of 1980 is kept, so that the same model gives the same bytes
             entry = zipfile.ZipInfo(name)
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 3  # the file counts as made on Unix, whatever the system
+            entry.create_system = 3  # always 3 (Unix), so that every system writes the same bytes
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, data)
     return {f"{unit.name}{'' if standard == 2 else '_fmi3'}.fmu": stream.getvalue()}
@@ -166,9 +166,9 @@ def _powers(base: BaseUnits | None) -> dict[str, float] | None:
 
 
 def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
-    """Yield the variables of an FMU: the inputs, the measured output if the model feeds it back,
-    the output, and the bits of `outside_range`. The inputs and the measured output get names that
-    are not in `taken`.
+    """Yield the variables of an FMU: the inputs, the measured output if the model needs it to
+    start, the output, and `outside_range`, whose bits show which inputs are outside their training
+    range. No input and no measured output gets a name that is in `taken`.
     """
     model, memory = written.words["model"], written.words["memory"]
     measured = [
@@ -189,7 +189,7 @@ def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
                 "value"
             )
         elif low:
-            # start value: zero, or the end of the training range (at the lowest level) next to zero
+            # start at the value nearest to zero in the training range of the lowest level
             start = float(min(max(0.0, low[0]), high[0]))
             about = f"Trained from {min(low):.6g} to {max(high):.6g} {quantity.unit}"
         about = about if name == quantity.name else f"{quantity.name}. {about}"

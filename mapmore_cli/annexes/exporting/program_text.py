@@ -206,7 +206,7 @@ class Body:
         return f"{self.text(condition.left)} {condition.comparison} {self.text(condition.right)}"
 
     def text(self, expression: Expression) -> Code:
-        """Return an expression as text in this language."""
+        """Return an expression as text in the language of the dialect."""
         match expression:
             case Sum((first, *others)):
                 text: str = self.text(first)

@@ -141,8 +141,8 @@ def identifier(name: str) -> Code:
 
 
 def names_of_inputs(inputs: Sequence[Quantity], functions: Sequence[str] = ()) -> dict[str, str]:
-    """Return the names of the inputs in code, each by the name that the input has in the model. No
-    name in code is equal to one of the `functions`.
+    """Return the names of the inputs in code, as a mapping from the name of an input in the model
+    to its name in code. No name in code is equal to one of the `functions`.
     """
     names = [quantity.name for quantity in inputs]
     reserved = [*PYTHON, *functions, *(f"x_{name}" for name in names)]
@@ -155,8 +155,8 @@ def names_in_matlab(inputs: Sequence[Quantity], functions: Sequence[str]) -> dic
 
 
 def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
-    """Return the name of the output in code, as a function or a variable. `names` are the names of
-    the inputs in code, by default the result of `names_of_inputs`.
+    """Return the name of the output in code, where it is the name of a function or a variable.
+    `names` are the names of the inputs in code, by default the result of `names_of_inputs`.
     """
     input_names = [*(names_of_inputs(model.inputs).values() if names is None else names)]
     functions = [function.name for function in program_of(model).functions]
@@ -167,7 +167,8 @@ def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
 
 def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
     """Return notes for the head of an exported file: a line for each input whose name in code
-    differs from its own, and a line for the shape that the model keeps.
+    differs from its name in the model, and lines for the shape conditions that the model fulfils,
+    for example that the output increases with an input.
     """
     renamed = [
         f"The input {name} is called {other} here."
@@ -208,7 +209,7 @@ LITERALS: Mapping[str, Callable[[str], str]] = {
 
 @cache
 def templates(language: str) -> Environment:
-    """Return the environment of Jinja for the templates of a language in `sources/`."""
+    """Return the Jinja environment that fills the templates of a language in `sources/`."""
 
     def written(value: object) -> object:
         if isinstance(value, Code | int | float):
@@ -218,7 +219,7 @@ def templates(language: str) -> Environment:
         raise TypeError(f"neither a text nor a number: {value!r}")
 
     def noted(text: str) -> Code:
-        # on a page, the text `</script>` ends a script even inside a comment
+        # in a web page, the text `</script>` ends a script even inside a comment of the script
         return Code(note(text).replace("<", "{3C}")) if language == "mjs" else note(text)
 
     loader = PackageLoader(__package__, "sources")

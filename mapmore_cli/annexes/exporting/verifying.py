@@ -35,7 +35,9 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 LIBRARY = ("-shared", "-fPIC", "-fvisibility=hidden")
 
 SECONDS = 300
-"""Seconds after which a compiler, and then the code, is stopped."""
+"""Time in seconds after which a compiler is stopped. Exported code that runs longer is stopped,
+too.
+"""
 
 SYSTEMS = {
     "linux": ("linux", "linux", "so"),
@@ -55,7 +57,9 @@ MACHINES = {
 
 
 class CompilerMissing(Exception):
-    """No compiler was found, or it cannot compile at all; the message says which."""
+    """No compiler was found, or the compiler cannot compile even an empty program. The message
+    gives the reason.
+    """
 
 
 class CompilerFailed(CompilerMissing):
@@ -116,8 +120,9 @@ def _compiled(
 
 POINTS = 100
 CLOSE, CLOSE_SINGLE = 1e-6, 1e-2
-"""Largest difference between code and `predict`, relative to the value or to a tenth of the median.
-A wrong input or term makes a far larger difference.
+"""Largest difference between the numbers of exported code and of `predict`, in double and in single
+precision. It is relative to the value, or to a tenth of the median if this is larger. A wrong input
+or a wrong term makes a far larger difference.
 """
 
 
@@ -192,8 +197,8 @@ def _verify(model: Model, command: Sequence[str], folder: Path, close: float = C
 
 
 def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> Array:
-    """Return the numbers that code prints in a separate process. Raises MapmoreError if it
-    fails.
+    """Return the numbers that a program prints. The program runs in a separate process. Raises
+    MapmoreError if it fails.
     """
     try:
         done = subprocess.run(
@@ -216,8 +221,9 @@ def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> 
 
 
 def points(model: Model) -> Columns:
-    """Return random points in and around the training range (up to a fifth outside). For a model
-    with memory, return a random recording with its output instead.
+    """Return random points for a comparison, (n,) for each input: inside the training range and up
+    to a fifth of its width outside. For a model with memory, the points are a recording with equal
+    time steps, and contain random values of the measured output, too.
     """
     rng, code = np.random.default_rng(1), program_of(model)
     columns = {"time": (code.step or 1.0) * np.arange(float(POINTS))}
@@ -232,8 +238,8 @@ def points(model: Model) -> Columns:
 
 
 def middle(model: Model) -> dict[str, float]:
-    """Return, for each input, the middle of the range that is common to all levels, with four
-    digits.
+    """Return, for each input, the middle of the range that is common to all levels, rounded to four
+    significant digits.
     """
     return {
         name: float(f"{np.mean([max(low, default=0.0), min(high, default=0.0)]):.4g}")
@@ -242,8 +248,8 @@ def middle(model: Model) -> dict[str, float]:
 
 
 def training_ends(model: Model) -> dict[str, tuple[list[float], list[float]]]:
-    """Return both ends of the training range of each input at every level; empty if it is
-    unknown.
+    """Return the lower and the upper ends of the training range of each input, one of each for
+    every level. The lists of an input are empty if its range is unknown.
     """
     limits, ends = program_of(model).limits, {}
     for name in model.input_names:

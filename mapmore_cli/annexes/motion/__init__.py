@@ -30,7 +30,7 @@ class MotionKind(Kind):
     """
 
     def maker(self) -> Maker:
-        """Return the object that fits these models."""
+        """Return the object that fits models of motion."""
         from mapmore_cli.annexes.motion.fitted import MotionMaker
 
         return MotionMaker()

@@ -18,7 +18,7 @@ HARD, CARRIED, BUMPLESS = "hard", "carried", "bumpless"
 """How a model switches from section to section."""
 
 REST, ZERO = "rest", "zero"
-"""Start of a run: the steady state of its first input, or an output of zero."""
+"""Ways in which a run begins: in the steady state of its first input, or with an output of zero."""
 
 ALL, RISE, FALL = "all", "rise", "fall"
 """Directions of the input for which a section is active."""
@@ -78,10 +78,15 @@ class MotionSection:
 class Motion:
     """Sections along an input (equations 14 to 17 of Brown and Xie 2024).
 
-    With `hard` switching, every section runs along the whole input, and the output of the active
-    one is used. `carried` sections pass on their state; `bumpless` sections also have equal steady
-    outputs at their boundaries. Without bumpless switching, `dead_band` is 0. Then the input counts
-    as rising if it is larger than one sample before, and otherwise as falling.
+    With `hard` switching, every section is simulated with the whole input, and the output of the
+    active section is used. With `carried` switching, a section that becomes active continues from
+    the state of the section before it. With `bumpless` switching, neighbouring sections also have
+    equal steady outputs at their boundary.
+
+    The direction of the input matters if `directed` is True. With bumpless switching, the direction
+    changes when the input has turned back by more than `dead_band`. With hard or carried switching,
+    `dead_band` is 0, and the input is falling at each sample at which it is not larger than one
+    sample before.
     """
 
     input: Annotated[QuantityName, "the input"]

@@ -15,7 +15,7 @@ from mapmore_cli.modelling.memory.records import records_of, time_step
 
 
 class MotionMaker(Maker):
-    """Object that makes state-space models of motion."""
+    """Object that fits state-space models of motion to recordings and makes the fitted models."""
 
     def fit(self, part: ModelChoices, given: Given) -> FitResult:
         """Fit every section to all recordings.

@@ -54,15 +54,15 @@ def fit_motion(
     recipe: MotionRecipe,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> MotionFit:
-    """Fit every section to its own training samples; if sections share a state, then fit all of
+    """Fit every section to its own training samples. If sections share a state, then fit all of
     them together.
 
-    The samples of a section are the samples at which it is active. With hard switching, each
-    section still runs along the whole input.
+    A section's own samples are the samples at which it is active. With hard switching, each section
+    is simulated with the whole input, including the samples of other sections.
 
-    Raises DataError if the input never changes, boundaries leave a section without samples or with
-    too few of them; SpecError if the solver refuses the sections; FitError if it finds no stable
-    one.
+    Raises DataError if the input never changes, or if boundaries leave a section without samples or
+    with too few of them; SpecError if the solver refuses the sections; FitError if it finds no
+    stable section.
     """
     outline = _outline(records, recipe)
     pieces = []
@@ -194,11 +194,12 @@ def _knots(motion: Motion) -> tuple[Array, int]:
 
 
 def _heights_of(motion: Motion, run: Piece) -> Array:
-    """Return one input signal (drive) for each height of the steady output, (n, knots x lines). The
-    steady output for a drive is one at its own knot and zero at all other knots. Between knots, the
-    output is linear, and outside the ends, it continues as a straight line.
+    """Return one input signal (drive) for each height of the steady output, (n, knots x lines).
 
-    With a load, a second set of drives is multiplied by the load.
+    The steady output of a section is a piecewise linear function of the input, given by its heights
+    at the knots. Each drive is the steady output that has the height one at its own knot and zero
+    at all other knots. Outside the outer knots, it continues as a straight line. With a load, these
+    drives are followed by the same drives multiplied by the load.
     """
     knots, lines = _knots(motion)
     u, place, line = run.drives[:, 0], run.holds // lines, run.holds % lines

@@ -56,11 +56,12 @@ def _motion(model: Model) -> Motion:
 
 
 def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expression:
-    """Write 1 if the input does not rise above its value one sample before, and 0 otherwise
-    (equation 16 of Brown and Xie 2024).
+    """Return an expression for the program, which is 1 if the input does not rise above its value
+    one sample before, and 0 otherwise (equation 16 of Brown and Xie 2024).
 
-    With bumpless switching, write 1 once the input has fallen from its last peak by more than the
-    dead band, until it has risen as far from its last trough.
+    With bumpless switching, the expression becomes 1 when the input has fallen by more than the
+    dead band from its last maximum, and 0 when it has risen by more than the dead band from its
+    last minimum.
     """
     if motion.switching != BUMPLESS:
         before = m.number("input")
@@ -79,7 +80,9 @@ def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expres
 def _separate(
     m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition
 ) -> Expression:
-    """Write the output of the active section; every section runs along the whole input."""
+    """Return an expression for the output of the active section. The statements that simulate every
+    section with the whole input are added to the program.
+    """
     outputs = []
     for section in motion.sections:
         origin, now, later = (m.number(stem) for stem in ("origin", "now", "later"))
@@ -102,8 +105,9 @@ def _separate(
 def _shared(
     m: Writer, motion: Motion, of_section: OfSection, drives: list[Expression], first: Condition
 ) -> Expression:
-    """Write the output of sections that share one state, which the active section drives: `x1[k+2]
-    = P2 x1[k+1] + P1 x1[k] + d[k]` (equation 10 of Brown and Xie 2024).
+    """Return an expression for the output of sections that share one state: `x1[k+2] = P2 x1[k+1] +
+    P1 x1[k] + d[k]`, with P1, P2 and the drive d of the active section (equation 10 of Brown and
+    Xie 2024).
     """
     now, later = m.number("now"), m.number("later")
     resting = [
@@ -136,8 +140,9 @@ class MotionVerbs(Verbs):
     """Operations of a model of motion, for example its prediction and its equations."""
 
     def simulate(self, model: Model, columns: Columns) -> SimulatedRun:
-        """Return the output along one recording, (n,), from rest. The output is NaN at rows with an
-        input of NaN, and the model starts again after such rows.
+        """Return the output along one recording, (n,). It begins as `start` of the model says: at
+        rest, or at zero. The output is NaN at rows with an input of NaN, and the model starts again
+        after such rows.
         """
         names = [
             *model.input_names,
@@ -152,8 +157,8 @@ class MotionVerbs(Verbs):
         return SimulatedRun(values)
 
     def equations(self, model: Model, units: Mapping[str, float]) -> tuple[Equation, ...]:
-        """Return `y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` for every section; `units` is
-        as in `kinds.equations`.
+        """Return the equation `y[k] = P2 y[k-1] + P1 y[k-2] + sum_m w_m d_m[k-2]` of every section,
+        with its numbers. `units` is as in `kinds.equations`.
         """
         motion = _motion(model)
         delayed = {
@@ -194,7 +199,9 @@ class MotionVerbs(Verbs):
         return sum(2 + len(section.weights) for section in _motion(model).sections)
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write a model of motion. It begins at rest under the first input, or at zero."""
+        """Write the program of a model of motion. As `start` says, a run begins at rest under the
+        first input, or at zero.
+        """
         body = model.body_of(StateSpace)
         motion = body.motion
         limit(m, body.ranges, None, inputs)
@@ -212,8 +219,8 @@ class MotionVerbs(Verbs):
             section = m.let("section", 2 * section + _falls(m, motion, u, first))
 
         def of_section(stem: str, values: Sequence[Side]) -> Expression:
-            """Write the output of the active section. Sections are numbered as in
-            `simulation.active`.
+            """Return an expression for one of the `values`: that of the active section. Sections
+            are numbered as in `simulation.active`.
             """
             return m.choose(
                 stem,
@@ -231,7 +238,7 @@ class MotionVerbs(Verbs):
         return value
 
     def faults(self, model: Model) -> Iterator[str]:
-        """Yield faults of a stored model that no prediction would reveal."""
+        """Yield the faults of a stored model that a prediction would not reveal."""
         motion = _motion(model)
         if len(motion.sections) != (len(motion.boundaries) + 1) * (1 + motion.directed):
             yield "the number of its sections does not match its boundaries"

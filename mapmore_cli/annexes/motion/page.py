@@ -39,8 +39,8 @@ def tables(inputs: ReportInputs) -> list[Table]:
 
 
 def _document(motion: Motion) -> dict[str, object]:
-    """Return the model as it is stored, with the poles (real and imaginary parts) and the gain of
-    every section.
+    """Return the model as it is stored, with two additions for every section: its poles (real and
+    imaginary parts) and its gain.
     """
     sections = []
     for section in motion.sections:

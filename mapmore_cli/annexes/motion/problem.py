@@ -111,8 +111,8 @@ class MotionSettings(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionRecipe(MotionSettings):
-    """Settings of one fit. The records determine its `output` and the `step` between samples, s;
-    `input` is never None here.
+    """Settings of one fit, in which `input` is never None. The name of the `output` and the time
+    `step` between samples, s, are taken from the recordings.
     """
 
     input: str
@@ -129,8 +129,9 @@ class MotionRecipe(MotionSettings):
 
     @property
     def drives(self) -> tuple[str, ...]:
-        """Terms that drive every section, the input first. If sections share a state, each section
-        needs a constant term, so that sections meet at their boundaries.
+        """Terms that drive every section, the input first. If sections are joined (`bumpless`),
+        each section needs a constant term, because otherwise their steady outputs could not be
+        equal at the boundaries.
         """
         constant = self.offset or self.switching == "bumpless"
         on_load = () if self.load is None else (self.load, f"{self.input}*{self.load}")
@@ -146,8 +147,12 @@ any stable section.
 
 @dataclass(frozen=True)
 class Piece:
-    """One piece of a record: drives, (n, m), with the input first; output, (n,); the samples that
-    count, (n,); and the active section, (n,).
+    """One piece of a recording with n samples.
+
+    - `drives`: values of the m terms that drive a section, (n, m), with the input first.
+    - `y`: measured output, (n,).
+    - `counts`: True for the samples at which the error is computed, (n,).
+    - `holds`: index of the active section, (n,).
     """
 
     drives: Array
@@ -170,8 +175,8 @@ class Found(NamedTuple):
 
 
 class Problem:
-    """Error of the parameters of one section. The section is simulated with the whole input of
-    every piece, but only its own samples count.
+    """Error of one section as a function of its parameters. The section is simulated with the whole
+    input of every piece, but the error is computed only from the samples at which it is active.
 
     - `reach`: largest modulus of a pole that is searched.
     """
@@ -191,8 +196,9 @@ class Problem:
         self.evaluations = 0
 
     def responses(self, p1: float, p2: float) -> Array:
-        """Return the responses of the section to each of its m drives, at its own samples, (n, m).
-        For column j, drive j has the weight one, and all other drives have the weight zero.
+        """Return the response of the section to each of its m drives, at the n samples at which it
+        is active, (n, m). For column j, drive j has the weight one, and all other drives have the
+        weight zero.
         """
         self.evaluations += 1
         return np.concatenate(
@@ -200,9 +206,11 @@ class Problem:
         )
 
     def rmse(self, p1: float, p2: float, weights: Array | None = None) -> float:
-        """Return the root mean squared error with `weights`, or with the best weights if `weights`
-        is None. For an unstable section, the result is large and finite. Without `weights`, it is
-        also large for a section with a pole whose modulus is larger than `reach`.
+        """Return the root mean squared error with the given `weights`. If `weights` is None, return
+        the error with the weights that minimise it.
+
+        For an unstable section, return a large finite number. If `weights` is None, do the same for
+        a section with a pole whose modulus is larger than `reach`.
         """
         if not stable(p1, p2, self.reach if weights is None else 1.0):
             return PENALTY * self.size * max(abs(poles(p1, p2)[0]), 1.0)
@@ -213,8 +221,8 @@ class Problem:
         )
 
     def projected(self, p1: float, p2: float) -> tuple[Array, Array]:
-        """Return the best weights, (m,), for the poles, by linear least squares, and the residuals,
-        (n,).
+        """Return the weights, (m,), that minimise the squared error for given P1 and P2, and the
+        residuals with these weights, (n,). They are computed by linear least squares.
         """
         moved = self.responses(p1, p2)
         if moved.shape[1] == 1:
@@ -226,8 +234,8 @@ class Problem:
         return weights, _weighted(moved, weights) - self.y
 
     def found(self, p1: float, p2: float, history: Sequence[float] | Array) -> Found:
-        """Return the result of a search, with the best weights for its poles; `history` holds the
-        errors during the search, in their order.
+        """Return the result of a search that ended at P1 and P2, with the weights that minimise the
+        error for them. `history` holds the error after each iteration.
         """
         weights, residuals = self.projected(p1, p2)
         rmse, lowest = root_mean_square(residuals), np.minimum.accumulate(history)
@@ -235,5 +243,7 @@ class Problem:
 
 
 def _weighted(moved: Array, weights: Array) -> Array:
-    """Return `moved @ weights`, for a single column without the matrix product, which is slow."""
+    """Return `moved @ weights`. A single column is multiplied by a number instead, because the
+    matrix product is slow for it.
+    """
     return moved[:, 0] * weights[0] if len(weights) == 1 else moved @ weights

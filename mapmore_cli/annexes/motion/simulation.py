@@ -29,30 +29,32 @@ from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.expressions.operators.play import play
 from mapmore_cli.modelling.memory.records import uninterrupted
 
-# largest reflection coefficient; above it, rounding errors would decide the stability
+# largest reflection coefficient; above it, rounding errors decide whether a section is stable
 EDGE = 1.0 - 1e-9
 
 
 def stable(p1: float, p2: float, reach: float = 1.0) -> bool:
-    """Return True if both poles lie within the circle of radius `reach`."""
+    """Return True if the moduli of both poles are smaller than `reach`."""
     p1, p2 = p1 / reach**2, p2 / reach
     return abs(p1) < 1.0 and abs(p2) < 1.0 - p1
 
 
 def of_angles(angles: Array, reach: float) -> tuple[float, float]:
-    """Return P1 and P2 from two coordinates with any values, the angles of two reflection
-    coefficients `k = tanh(angle)` (Levinson's recursion): `P1 = -k2 r^2`, `P2 = -k1 (1 + k2) r`.
+    """Return P1 and P2 for two search coordinates, which may have any values. With `k =
+    tanh(angle)`, the coordinates give the two reflection coefficients of Levinson's recursion, and
+    `P1 = -k2 r^2`, `P2 = -k1 (1 + k2) r`, where r is the `reach`.
 
-    The square `|k1|, |k2| < 1` corresponds to all sections with both poles within the circle of
-    radius r, the `reach`.
+    Every section with both poles inside the circle of radius r corresponds to one point of the
+    square `|k1|, |k2| < 1`.
     """
     k1, k2 = (min(max(math.tanh(angle), -EDGE), EDGE) for angle in angles.tolist())
     return -k2 * reach**2, -k1 * (1.0 + k2) * reach
 
 
 def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[float]:
-    """Return the inverse of `of_angles`, with reflection coefficients limited to `inmost`. For a
-    section with a pole outside the circle, the nearest section at its edge is returned.
+    """Return the two coordinates that `of_angles` converts to P1 and P2. The absolute values of the
+    reflection coefficients are limited to `inmost`. If a pole lies outside the circle of radius
+    `reach`, the coordinates are those of a section near it whose poles lie inside.
     """
     k2 = min(max(-p1 / reach**2, -EDGE), EDGE)
     k1 = -p2 / reach / (1.0 + k2)
@@ -60,9 +62,10 @@ def angles(p1: float, p2: float, reach: float, inmost: float = EDGE) -> list[flo
 
 
 def spread(u: Array, count: int) -> tuple[float, ...]:
-    """Return boundaries between `count` sections with equal numbers of the samples u, (n,).
+    """Return the boundaries of `count` sections that contain equal numbers of the samples u, (n,).
 
-    Raises DataError if the input stays so long at one value that a section would have no width.
+    Raises DataError if a section would have no width, because the input stays at one value for too
+    long.
     """
     boundaries = np.quantile(u, np.arange(1, count) / count)
     edges = np.array([u.min(), *boundaries, u.max()])
@@ -77,12 +80,13 @@ def spread(u: Array, count: int) -> tuple[float, ...]:
 
 
 def rising(u: Array, dead_band: float, *, latched: bool) -> BoolArray:
-    """Return True for samples at which the input rises, (n,).
+    """Return a mask that is True for samples at which the input rises, (n,).
 
-    The input rises if `u[k] > u[k-1]` (equation 16 of Brown and Xie 2024). At the first sample, and
-    while it is constant, the input counts as falling. If `latched`, the direction is kept until the
-    input has turned back by more than the dead band. Before its first movement, the input then
-    counts as rising.
+    Without `latched`, the input rises if `u[k] > u[k-1]` (equation 16 of Brown and Xie 2024). The
+    mask is False at the first sample, and while the input is constant.
+
+    With `latched`, the mask changes only when the input has turned back by more than the dead band.
+    It is True before the first movement.
     """
     if not latched:
         return np.diff(u, prepend=u[:1]) > 0
@@ -196,7 +200,7 @@ def shared(poles: Array, drive: Array, holds: IntArray, start: str = REST) -> Ar
     return states[:n]
 
 
-# two wavelengths of an input count as equal if they differ by less than this share of its range
+# the input repeats if its last two wavelengths differ by at most this fraction of its range
 REPEATS = 1e-3
 
 
@@ -215,8 +219,8 @@ class MotionErrors(NamedTuple):
 
 
 def last_wavelength(u: Array) -> int:
-    """Return the wavelength of a periodic input, (n,), in samples, measured at its end. Return n if
-    the input does not repeat.
+    """Return the wavelength of a periodic input, (n,), as a number of samples: the shortest length
+    for which the last two stretches of this length are equal. Return n if there is none.
     """
     tolerance = REPEATS * float(np.ptp(u))
     for length in range(4, len(u) // 2 + 1):
@@ -228,7 +232,7 @@ def last_wavelength(u: Array) -> int:
 
 
 def motion_errors(measured: Array, predicted: Array, u: Array, step: float) -> MotionErrors:
-    """Return the errors of one recording with samples, (n,), at intervals of `step` (s)."""
+    """Return the errors of one recording. All signals have n samples at intervals of `step` (s)."""
     tail, before = last_wavelength(u), predicted - measured
     error, before = before[-tail:], np.abs(before[:-tail])
     faster = np.zeros(tail)

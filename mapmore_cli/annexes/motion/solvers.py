@@ -19,8 +19,8 @@ from mapmore_cli.domain.arrays import Array, root_mean_square
 from mapmore_cli.domain.errors import FitError
 
 STRIDES = (1, 3, 10, 30)
-"""Samples between those that a linear start compares: short strides are sensitive to noise, and
-long ones miss fast poles.
+"""Numbers of samples between the outputs that a linear regression relates to each other. Small
+numbers are sensitive to noise, and large numbers miss fast poles.
 """
 NEAREST = 0.999  # largest reflection coefficient of starting values; 1 is the edge of stability
 TOLERANCE = 1e-12
@@ -93,12 +93,13 @@ def fly(
     rng: np.random.Generator,
     begin: Array | None = None,
 ) -> tuple[Array, list[float]]:
-    """Return the point with the lowest `cost` in the box between `walls`, (2, d), and the lowest
-    cost at the start and after every iteration.
+    """Minimise `cost` by a particle swarm in the box between `walls`, (2, d). Return the best
+    point, and the lowest cost at the start and after every iteration.
 
-    `v = W v + C1 r1 (own best - x) + C2 r2 (common best - x)`, `x = x + v`, with new random r1, r2
-    in 0..1 for every coordinate. Particles begin at rest and evenly spread, within `begin`, (2, d),
-    if it is given. A particle that would leave the box stops at its wall.
+    In every iteration, `v = W v + C1 r1 (own best - x) + C2 r2 (common best - x)` and `x = x + v`,
+    with new random numbers r1, r2 in 0..1 for every coordinate. Particles begin at rest, at random
+    points of the box `begin`, (2, d), or of the box between `walls` if `begin` is None. A particle
+    that would leave the box stops at its wall.
     """
     low, high = walls
     first, last = walls if begin is None else begin
@@ -120,15 +121,17 @@ def fly(
     return own[np.argmin(own_cost)], history
 
 
-WIDE = 4.0  # for stable sections, `|P3| = |gain| |1 - P1 - P2| < 4 |gain|`
+# in `|P3| = |gain| |1 - P1 - P2|`, the second factor is smaller than 4 for every stable section
+WIDE = 4.0
 
 
 def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
-    """Return the best P1, P2 and P3 that the particles find in the region in which sections can be
-    stable (section 2.2 of Brown and Xie 2024). An unstable particle costs more than any stable one.
+    """Return the best P1, P2 and P3 that a particle swarm finds in the region that contains all
+    stable sections (section 2.2 of Brown and Xie 2024). The error of an unstable particle is larger
+    than that of any stable particle.
 
-    The input is the only drive; the check of the spec refuses other drives. Raises FitError if no
-    particle was stable.
+    The input is the only drive, because the check of the spec refuses other drives. Raises FitError
+    if no particle was stable.
     """
     walls = _walls(Bounds(), problem)
     begin = None if recipe.begin is None else _walls(recipe.begin, problem)
@@ -143,7 +146,7 @@ def swarm(problem: Problem, recipe: MotionRecipe) -> Found:
 
 
 def _walls(box: Bounds, problem: Problem) -> Array:
-    """Return the smallest and the largest values of P1, P2 and P3 in a box, (2, 3)."""
+    """Return the smallest and the largest values of P1, P2 and P3 in the `box`, (2, 3)."""
     inputs = np.concatenate([piece.drives[:, 0] for piece in problem.pieces])
     outputs = np.concatenate([piece.y for piece in problem.pieces])
     widest = WIDE * float(np.ptp(outputs)) / float(np.ptp(inputs))

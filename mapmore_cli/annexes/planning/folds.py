@@ -30,8 +30,13 @@ def training_only(dataset: Dataset) -> Dataset:
 
 @dataclass(frozen=True)
 class Folds:
-    """Data for comparing settings: a `dataset` of training samples only, and, for every fold, the
-    samples of each curve that the fold leaves out. Errors are divided by `scale`.
+    """Data for comparing settings.
+
+    - `dataset`: training samples only.
+    - `masks`: for every fold, a mask for each curve, which is True for the samples that the fold
+      leaves out.
+    - `left_out`: what the folds leave out, in words.
+    - `scale`, `full_scale`: the number by which errors are divided to make the NRMSE, and its name.
     """
 
     dataset: Dataset
@@ -42,10 +47,12 @@ class Folds:
 
 
 def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level: bool) -> Folds:
-    """Return folds of the training samples. If there are enough inner levels, each fold leaves out
-    one of them; otherwise, each fold leaves out a block of samples. If the study holds out levels
-    (`by_level`), folds leave out levels even if one function is fitted to all curves together. With
-    fewer than three inner levels, the outer levels are then left out, too.
+    """Return folds of the training samples.
+
+    If there are enough inner levels, each fold leaves out one of them; otherwise, each fold leaves
+    out a block of samples. If the study itself leaves out each level in turn (`by_level`), folds
+    leave out levels even if one function is fitted to all curves together; with fewer than three
+    inner levels, the two outer levels are then left out in turn, too.
 
     Raises DataError if there are too few samples to leave out a block.
     """
@@ -77,8 +84,8 @@ def folds_of(dataset: Dataset, choices: ModelChoices, normaliser: str, by_level:
 
 
 def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
-    """Return contiguous blocks of the training samples: along a quantity, or of each recording in
-    the order of time.
+    """Return masks of contiguous blocks of the training samples of a curve. Samples are sorted
+    along the quantity `along` or, if it is None, in the order of time in each recording.
     """
     if along is None:
         parts = [log[curve.training[log]] for log in curve.logs]
@@ -89,8 +96,9 @@ def _block_masks(curve: Curve, along: str | None) -> list[BoolArray]:
 
 
 def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
-    """Return the NRMSE on each fold, of a model that `remade` fits without this fold. The NRMSE is
-    infinite if the model predicts no finite value. Raises the errors of the fits.
+    """Return the NRMSE on each fold. For each fold, `remade` fits a model without the samples of
+    the fold. The NRMSE is infinite if the model predicts no finite value. Raises the errors of the
+    fits.
     """
     nrmse = []
     target = folds.dataset.target

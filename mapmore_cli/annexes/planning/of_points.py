@@ -27,13 +27,14 @@ from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula, pooled_training
 
 COMMITTEE = ("sarosi_hinged", "sarosi")
-"""Formulas of the committee, if the study has their inputs. A process without a formula belongs to
-it too.
+"""Formulas that belong to the committee if the study has their inputs. A Gaussian process without a
+formula always belongs to it.
 """
 
 ASTRAY = 2.0
-"""A formula is no member of the committee if its range over the map (including the measured values)
-exceeds the range of the measured values by this factor.
+"""Largest width of the range of a formula's predictions over the map (together with the measured
+values), as a multiple of the range of the measured values. A formula with a wider range is no
+member of the committee.
 """
 
 STEPS = {1: 201, 2: 41, 3: 13}
@@ -53,8 +54,8 @@ notes.
 
 
 def check_prices(prices: Mapping[str, float], names: Sequence[str]) -> None:
-    """Raise UsageError if a quantity with a price is not one of the `names` that the plan
-    chooses.
+    """Raise UsageError if a price is given for a quantity whose values the plan does not choose.
+    `names` are the quantities that it chooses.
     """
     if wrong := next((name for name in prices if name not in names), None):
         raise UsageError(
@@ -117,11 +118,12 @@ def of_points(
 def formulas_of(
     dataset: Dataset, measured: MeasuredMap, places: Array
 ) -> dict[str, tuple[Array, Array]]:
-    """Return the predictions of each member of the committee at the measured points and at the
-    possible new points (`places`). The mapping is empty if the committee has no member.
+    """Return the members of the committee by name, each with its predictions at the measured points
+    and at the possible new points (`places`).
 
-    A formula that deviates from the measured values by more than their range is no member; this can
-    happen with few points.
+    The member `none` always exists. It predicts zero everywhere, so that its Gaussian process alone
+    describes the measured values. A formula is no member if it predicts values far outside the
+    range of the measured values (factor `ASTRAY`), which can happen with few points.
     """
     members = {"none": (np.zeros(len(measured.y)), np.zeros(len(places)))}
     for name in COMMITTEE:

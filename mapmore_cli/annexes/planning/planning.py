@@ -112,8 +112,8 @@ def _size_of(text: str, largest: float) -> float:
 
 
 def _of_levels(name: str, whole: Dataset, prices: Mapping[str, float]) -> Planned:
-    """Return the middles of the gaps between levels, the widest first; held-out levels count as
-    measured.
+    """Return the middles of the gaps between levels, the widest gap first. Levels whose data are
+    held out have been measured, so they are treated like all other levels.
     """
     level = str(whole.level)
     check_prices(prices, (level,))

@@ -1,10 +1,11 @@
 """Choose the next points of a map of two or more inputs.
 
-Several models, each with a Gaussian process for its residual, form a committee. The worth of a
-point is the spread of the committee times the standard deviation of the Gaussian processes. It is
-multiplied by `SLACK` if the expected force is below 2 % of the largest force. Points are chosen one
-after the other. Each chosen point is then treated as if it had been measured, with the value that
-the committee expects (docs/planning.md).
+Several models, each with a Gaussian process for its residual, form a committee. The value of
+measuring a point is called its worth: the spread of the committee at this point times the standard
+deviation of the Gaussian processes. The worth is multiplied by `SLACK` if the expected force is
+below 2 % of the largest force. Points are chosen one after the other: after each choice, the point
+is treated as if it had been measured, with the value that the committee expects there
+(docs/planning.md).
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-# weight of points whose expected |target| is below the fraction `LITTLE` of the largest |target|
+# weight of points with a small |target|, and the fraction of the largest |target| that is small
 SLACK, LITTLE = (
     0.15,
     0.02,
@@ -154,12 +155,13 @@ def next_points(
     prices: Mapping[str, float],
     free: BoolArray,
 ) -> tuple[tuple[Candidate, ...], tuple[Array, Array]]:
-    """Return the next points in the order of their worth, and the half widths of the interval at
-    all candidates before and after these points are measured.
+    """Return the next points, in the order in which they are chosen, and the half widths of the
+    interval at all candidates before and after these points are measured.
 
-    The worth of a point is divided by its cost. The cost is the sum of the prices of all quantities
-    whose value differs from that at every point chosen before. The cost is at least the lowest
-    price. Only candidates at which `free`, (m,), is True are chosen.
+    The next point is the candidate with the largest ratio of worth to cost. The cost of a candidate
+    is the sum of the prices of those quantities whose value differs from the values at all points
+    chosen before; it is at least the lowest price. Only candidates at which `free`, (m,), is True
+    are chosen.
     """
     before, places = committee.half, committee.places
     next_ones, chosen = list[Candidate](), list[int]()
@@ -181,7 +183,7 @@ def next_points(
 
 def until(committee: Committee, wanted: float) -> Until:
     """Return a forecast of how many more points are needed to reduce the widest half width to
-    `wanted`. The committee is changed by the call.
+    `wanted`. The forecast adds points to `committee`, so that it cannot be used afterwards.
     """
     widest = float(committee.half.max())
     more, least = 0, widest

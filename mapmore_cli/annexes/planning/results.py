@@ -20,8 +20,9 @@ class Candidate:
     """
 
     at: Mapping[str, float]  # values of the quantities to set, by name, in the model's units
-    kind: Literal["between", "point"]  # `between` two levels, or a `point` of a map
-    gap: float = math.nan  # distance between the two levels
+    # kind of the measurement: a level `between` two others, or a `point` of a map
+    kind: Literal["between", "point"]
+    gap: float = math.nan  # distance between the two neighbouring levels; NaN for a point
     half_width: float = math.nan  # half width of the interval before the measurement
     after: float = math.nan  # forecast of the half width of the interval after the measurement
     error: float = math.nan  # expected root mean square error at this place before the measurement
@@ -44,7 +45,7 @@ class Until:
 class Picture:
     """Half widths of the 95 % interval over the measured range, for the figure of a plan."""
 
-    places: Columns  # coordinates of the half widths by name, (n,) each
+    places: Columns  # coordinates of the points at which half widths are known, by name, (n,) each
     before: Array  # half widths before the measurement, (n,)
     after: Array  # half widths after all points of the plan were measured, (n,)
     measured: Columns  # coordinates of the training samples by name, (m,) each
@@ -52,7 +53,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Plan:
-    """Candidates, the best first, and what a reader must know about them."""
+    """Result of `plan`: the candidates, the best first, and everything reported with them."""
 
     name: str
     target: Quantity

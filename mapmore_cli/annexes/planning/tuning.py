@@ -114,10 +114,10 @@ def _try_settings(settings: Mapping[str, Any], choices: ModelChoices, folds: Fol
 
 
 def _ranked(name: str, folds: Folds, trials: Sequence[Trial]) -> Tuning:
-    """Return the trials with their differences from the best one, and the simplest trial within one
-    standard error of the best.
+    """Return the comparison of the trials: each trial with its difference from the best trial, the
+    best trial, and the simplest trial within one standard error of the best.
 
-    Raises FitError if none of them could be fitted.
+    Raises FitError if none of the settings could be fitted.
     """
     usable = [number for number, trial in enumerate(trials) if trial.errors]
     if not usable:

@@ -28,7 +28,7 @@ from mapmore_cli.study.sections.split import Holdout
 
 @dataclass(frozen=True)
 class Slice:
-    """Part of a study on which the result of a search depends."""
+    """The settings of a study on which the result of a search depends."""
 
     levels: Levels | None
     model: ModelChoice
@@ -55,11 +55,14 @@ class Bench:
     """Data with which all structures are compared: training samples, and the folds that are left
     out.
 
-    Each fold, (n,), covers all samples, curve after curve. The first `blocks` folds leave out
-    stretches of curves, the others whole levels, recordings or their ends. Only the ratios
-    of their `weights`, (f,), matter. `asks_parts` is True if most held-out samples belong to whole
-    levels, to recordings or to ends. The `study` contains training samples and held-out samples,
-    both evenly thinned; the outputs of its held-out samples are not used.
+    - `folds`: a mask for each fold, (n,), over the samples of all curves, curve after curve. The
+      first `blocks` folds leave out stretches of curves, the others whole levels, whole recordings
+      or their ends.
+    - `weights`: weights of the folds, (f,), of which only the ratios matter.
+    - `asks_parts`: True if most held-out samples of the study belong to whole levels, to whole
+      recordings or to ends of recordings or inputs.
+    - `study`: training samples and held-out samples, both evenly thinned. The outputs of the
+      held-out samples are not used.
     """
 
     dataset: Dataset
@@ -75,8 +78,9 @@ class Bench:
 
     @classmethod
     def of(cls, training: Dataset, situation: Situation, part: Slice, study: Dataset) -> Bench:
-        """Return folds of training samples that resemble the held-out data of the `study`; long
-        recordings are shortened first. Raises DataError if no sample can be left out.
+        """Return a bench for a search: the training samples, and folds that resemble the held-out
+        data of the `study`. Long recordings are shortened first. Raises DataError if no sample can
+        be left out.
         """
         run = held_run(study)
         training = cut_short(training, run, situation.step)
@@ -109,15 +113,17 @@ class Bench:
 
     @property
     def masks(self) -> list[list[BoolArray]]:
-        """Masks of the samples that each fold leaves out, one for every curve."""
+        """For each fold, a list with one mask for every curve, which is True for the samples that
+        the fold leaves out.
+        """
         return [np.split(fold, ends_of(self.dataset)) for fold in self.folds]
 
     @cached_property
     def range(self) -> tuple[float, float]:
-        """Smallest and largest output that a model may reasonably predict: over the measured
-        training data, and over the predictions of a plane at all inputs of the study. The plane is
-        included because outputs outside the measured range are reasonable at inputs outside the
-        training data.
+        """Smallest and largest output that a model may reasonably predict. The range contains the
+        measured outputs of the training data, and the outputs that a polynomial of order 1 predicts
+        at all inputs of the study, because inputs outside the training data may have outputs
+        outside the measured range.
         """
         target = self.study.target
         plane = polynomial_fit(1, self.study, self.situation.inputs)

@@ -29,7 +29,7 @@ MOST_INPUTS = 4
 """Largest number of inputs for which a Gaussian process is fitted; with more, it takes long."""
 
 BLACK_BOX = "black box"
-"""Kind of these models in the table."""
+"""Name of the family of black boxes in the table of structures."""
 
 SHOWN = (BLACK_BOX, "papers")
 """Kinds that are shown in the table but never chosen."""
@@ -43,13 +43,13 @@ that the structure does not predict.
 def black_boxes(
     dataset: Dataset, folds: Sequence[BoolArray], situation: Situation
 ) -> list[Outcome]:
-    """Return each black box with its errors on the left-out samples of every fold; without
-    scikit-learn, only the Gaussian process.
+    """Return each black box with its errors on the left-out samples of every fold: a Gaussian
+    process for tables and, if scikit-learn is installed, gradient boosting.
 
-    If samples are in the order of time, boosting also gets delayed inputs, because structures may
-    use the past or the direction of motion. The Gaussian process is that of `plan`, because loading
-    scikit-learn takes longer than fitting all structures of a small table; it is fitted to tables
-    only. Each black box learns from at most half of the samples that it may have as a competitor.
+    The Gaussian process is the one that `plan` uses, because loading scikit-learn takes longer than
+    fitting all structures of a small table. If samples are in the order of time, boosting also gets
+    delayed inputs, because structures may use the past or the direction of motion. Each black box
+    learns from at most half as many samples as it would as a competitor of a run.
     """
     inputs, samples = situation.inputs, pooled_samples(dataset)
     known, y = samples.training, samples.columns[dataset.target]
@@ -71,8 +71,8 @@ def black_boxes(
 
 
 def smooth(x: Array, y: Array) -> Callable[[Array], Array]:
-    """Fit a process to inputs, (n, d), of any range and outputs, (n,); return a function that
-    predicts (m,) from (m, d).
+    """Fit a Gaussian process to inputs, (n, d), of any range and outputs, (n,). Return a function
+    that predicts outputs, (m,), from inputs, (m, d).
     """
     from mapmore_cli.modelling.validation.gaussian_process import most_likely
 

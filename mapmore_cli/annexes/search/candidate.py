@@ -1,5 +1,5 @@
-"""Define candidates: parts of a spec with placeholders, which are words in capitals. The names and
-numbers of a study are inserted for them.
+"""Define candidates: parts of a spec with placeholders. A placeholder is a word in capitals, such
+as `TARGET`, which is replaced by a name or a number of the study.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from mapmore_cli.domain.results import Tried
 from mapmore_cli.modelling import literature
 
 MOST_PARAMETERS = 28
-"""Largest number of parameters of a structure that a search may choose for a table, or that of a
-cubic polynomial of all inputs if that is larger. Larger structures are only shown. In a later
-round, one parameter for every `SHARE` samples is allowed.
+"""Largest number of parameters of a structure that a search may choose for a table. A cubic
+polynomial of all inputs may always be chosen, even if it has more. Larger structures are only
+shown. In a later round, one parameter for every `SHARE` samples is allowed.
 """
 
 SHARE = 40
@@ -28,8 +28,8 @@ SIZED = ("simple", "longer")
 """Kinds whose `max_terms` does not grow with the number of inputs."""
 
 MOST = ("inputs", "most_moving", "samples")
-"""Conditions of a candidate in which the given number is the largest that is allowed. In all
-others, it is the smallest.
+"""Keys of the conditions of a candidate that give the largest allowed number. All other keys give
+the smallest allowed number.
 """
 
 FORMULAS = ("sarosi", "sarosi_hinged", "kerscher")
@@ -37,8 +37,8 @@ FORCE = "force"
 """The quantity that the formulas of muscles predict."""
 
 DECADES = (10, 30, 100, 300)
-"""Time constants in steps, which are used if the longest recording has at least twice as many
-steps.
+"""Time constants, as multiples of the time step. A time constant is used if the longest recording
+is at least twice as long.
 """
 
 BEYOND = "fuse.extrapolation"
@@ -49,15 +49,15 @@ WAYS = {
     "continue": ", continued",
     "continue_linear": ", going on straight",
 }
-"""Behaviours of pieces outside the range of each curve, and the words that are added to the name of
-a structure that behaves differently from what its file of candidates says.
+"""Ways in which pieces may behave outside the range of each curve. Each has words that are added to
+the name of a structure, if the structure behaves in another way than its file of candidates says.
 """
 
 
 def continuations(candidate: Tried) -> list[Tried]:
-    """Return a candidate with each of the behaviours in `WAYS` outside the range of a curve. The
-    first one is that of the candidate itself, which holds the value at the end of a curve if its
-    file of candidates sets none.
+    """Return copies of a candidate, one for each behaviour in `WAYS` outside the range of a curve.
+    The first copy has the behaviour that the candidate itself sets; if it sets none, it holds the
+    value at the end of the curve.
     """
     own = candidate.sections.get(BEYOND, "saturate")
     return [
@@ -71,9 +71,9 @@ def continuations(candidate: Tried) -> list[Tried]:
 
 
 def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tried]:
-    """Yield the candidates that a family offers for a study, not tried yet: the items of its
-    `candidates`, with values in place of their placeholders. The family's settings in `fit` apply
-    to candidates that have none of their own.
+    """Yield the candidates that a family offers for a study: the items of its `candidates`, with
+    values in place of their placeholders. None of them has been tried yet. Candidates without their
+    own settings in `fit` get those of the family.
     """
     if family.get("timed") and not of.timed:
         return
@@ -96,8 +96,10 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tri
 
 
 def _applies(when: Mapping[str, int], of: Situation) -> bool:
-    """Return True if the study fulfils the requirements of a candidate: at most the given number
-    for the keys in `MOST`, at least that number for all others.
+    """Return True if the study fulfils the conditions in `when`, which holds a number for each key.
+    The property of the study must be at most this number for the keys in `MOST`: `inputs: 4`
+    requires at most four inputs. It must be at least this number for all other keys: `steps: 256`
+    requires at least 256 steps.
     """
     has = {
         "inputs": len(of.inputs),
@@ -122,17 +124,18 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
 
     - `TARGET`, `LEVEL`, `INPUTS`: the target, the level quantity, and all inputs.
     - `MOVING`: the inputs that move within a recording. `SWEPT`: the input that moves most.
-      `OTHERS`: all inputs but `SWEPT`.
-    - `SPARE`: each input without which another input still moves.
+      `OTHERS`: all inputs except `SWEPT`.
+    - `SPARE`: the inputs that can be left out, because another input moves.
     - `REST`: the inputs without the input of the loop. `FIRST_REST`: the first input of `REST` that
       moves. `MOVING_REST`: all inputs of `REST` that move.
-    - `PLANE`, `QUADRATIC`, `CUBIC`: number of monomials of these polynomials.
-    - `MANY`: number of terms that the samples support, between `MOST_PARAMETERS` and 200.
+    - `PLANE`, `QUADRATIC`, `CUBIC`: number of monomials in a polynomial of order 1, 2 and 3.
+    - `MANY`: one term for every `SHARE` training samples, but at least `MOST_PARAMETERS` and at
+      most 200.
     - `FORMULAS`: formulas of muscles whose quantities the study has and that have fewer parameters
       than there are training samples.
     - `AROUND_ZERO`: moving inputs that take both signs. `VELOCITIES`: inputs that take both signs
       and, if at most two inputs move, the rates of the other moving inputs.
-    - `DECADES`, `MIDDLE_DECADES`: time constants, s.
+    - `DECADES`: time constants, s. `MIDDLE_DECADES`: the second and the third of them.
     """
     inputs, moving, count = [*of.inputs], [*of.moving], len(of.inputs)
     without = more.get("OUT", more.get("VELOCITY"))
@@ -177,10 +180,10 @@ WORD = re.compile(r"[A-Z][A-Z_]+|\bN\b")
 def filled(part: Any, words: Mapping[str, Any]) -> Any:
     """Return a part of a spec with values in place of its placeholders.
 
-    If an item of a list is replaced by several values, they all become items of the list.
-    `{every: TEXT, WORD: values, ...}` is replaced by a list with one copy of the text for each of
-    the values. A setting without values is left out, and so is a description of states whose `of`
-    is empty.
+    If an item of a list is replaced by several values, all of them become items of the list.
+    `{every: TEXT, WORD: values, ...}` is replaced by a list that contains TEXT once for each of the
+    values of WORD. A key whose value is an empty list is left out. A mapping whose key `of` is an
+    empty list is left out as a whole.
     """
     match part:
         case str():
@@ -201,7 +204,9 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
 
 
 def combinations(loops: Mapping[Any, Any], words: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """Yield each combination of the values of several placeholders, by the placeholder."""
+    """Yield each combination of the values of several placeholders, as a mapping from the
+    placeholder to its value.
+    """
     values = {name: filled(each, words) for name, each in loops.items()}
     for some in product(*values.values()):
         yield dict(zip(values, some, strict=True))

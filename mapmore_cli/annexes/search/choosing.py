@@ -1,5 +1,6 @@
-"""Choose one of the structures that were tried. They are scored on the rows that all of them
-predict. The rule for the choice is `BY_MEAN` for tables and `BY_MEDIAN` for recordings in time.
+"""Choose one of the structures that were tried. They are compared on the samples for which all of
+them give a prediction. The rule for the choice is `BY_MEAN` for tables and `BY_MEDIAN` for
+recordings in time.
 """
 
 from __future__ import annotations
@@ -37,13 +38,14 @@ WORSE_INSIDE = (
 
 
 def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> Search:
-    """Score all structures and black boxes on the rows that all of them predict, and choose one
-    structure; none with more than `most` parameters.
+    """Compute the errors of all structures and black boxes on the samples for which all of them
+    give a prediction. Choose a structure with at most `most` parameters.
 
-    If a single fold decides, it has no standard error, and a structure may be better there by
-    chance. Then a structure is refused if its mean logarithm of the error on the stretches exceeds
-    that of the best plain structure by more than the upper limit of `WITHIN`. A formula is never
-    refused in this way, because it describes the end of the range with few parameters.
+    If only one fold has a weight, the errors have no standard error, so that a structure may be the
+    best by chance. Then the errors on the stretches are examined as well: a structure is refused if
+    its mean logarithm of these errors exceeds that of the best plain structure by more than the
+    upper limit of `WITHIN`. A formula is never refused in this way, because few parameters are
+    enough for it to describe the end of the range.
     """
     tried = [one for one, _ in outcomes]
     usable = [number for number, one in enumerate(tried) if not one.failure]
@@ -96,9 +98,10 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
 
 
 def on_common_rows(left: Sequence[Sequence[Array]]) -> Array:
-    """Return the RMSE of every structure on every fold, (s, f), from the errors of the structures
-    on the samples of each fold. Samples that some structure does not predict, so that its error is
-    NaN, do not count. The RMSE is infinite for a run that diverged.
+    """Return the RMSE of every structure on every fold, (s, f). `left` holds, for each structure,
+    its errors on the samples of each fold. Samples at which the error of some structure is NaN,
+    because it gives no prediction, are left out for all structures. The RMSE is infinite for a
+    structure that diverged.
     """
     rmse = []
     for fold in zip(*left, strict=True):

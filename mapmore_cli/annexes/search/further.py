@@ -30,8 +30,9 @@ GAIN = 0.05
 
 
 def outdone_note(result: Search, bench: Bench) -> str:
-    """Return a note about a black box that is clearly better than the structure that was found, on
-    the kind of data that the study holds out; empty if none is.
+    """Return a note if the error of a black box is clearly smaller than that of the structure that
+    was found; otherwise an empty text. If the study mostly holds out whole parts of the data, the
+    errors on left-out parts are compared; otherwise, the errors on left-out stretches.
     """
     asked = attrgetter("parts" if bench.asks_parts else "error")
     boxes = [one for one in result.tried if one.family == BLACK_BOX]
@@ -72,7 +73,7 @@ def go_on(first: Search, bench: Bench, with_round: Callable[[str], Search]) -> S
 
 def _least(result: Search, number: int) -> int:
     """Return the index of the structure with the smallest error among all that have at most as many
-    parameters as the structure `number`. At equal errors, the structure `number` is preferred.
+    parameters as the structure with the index `number`. At equal errors, return `number`.
     """
     rivals = [
         place

@@ -1,5 +1,7 @@
-"""Leave out whole parts of the training data, of the kinds that a study holds out and in the same
-proportion: levels, recordings, their ends, and ends of an input.
+"""Make the folds of a search that leave out whole parts of the training data: levels, recordings,
+ends of recordings, and ends of an input.
+
+The folds leave out the same kinds of parts as the study holds out, in the same proportion.
 """
 
 from __future__ import annotations
@@ -17,8 +19,8 @@ from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.signals.sampling import even_share
 
 BEHIND = (0.2, 0.35, 0.5)
-"""Shares of every recording, at its end, that the folds leave out if the study holds out ends of
-recordings, so that drift must be predicted.
+"""Fractions of every recording, at its end, that folds leave out if the study holds out ends of
+recordings. The models must then predict drift.
 """
 
 MOST_PARTS = 6
@@ -27,29 +29,35 @@ spread part of them is left out.
 """
 
 FAIR = (0.2, 1.2)
-"""Limits of the size of a recording that is left out, relative to the mean size of the recording in
-which a training sample lies. If a larger recording is left out, too few samples remain for
-training; the errors on a smaller one say little. (A mean over recordings, instead of over samples,
-would be dominated by fragments.)
+"""Limits of the number of samples of a recording that is left out, as multiples of a mean number.
+If a larger recording is left out, too few samples remain for training; the errors on a smaller
+recording say little. The mean is taken over samples: each training sample gives the size of its
+recording. A mean over recordings would be dominated by fragments.
 """
 
 SOME, WIDEST = 1 / 4, 1 / 3
-"""A study holds out a kind of part if at least the first share of its held-out samples is of this
-kind. A fold leaves out at most the second fraction of the range of an input at its end.
+"""`SOME`: a study holds out a kind of part if at least this fraction of its held-out samples is of
+this kind. `WIDEST`: largest fraction of the range of an input that a fold leaves out at an end.
 """
 
 ASKED, OTHERWISE, ALONE = 2 / 3, (1 / 4, 1 / 2), 1 / 2
-"""Weights of all folds together that leave out whole levels or recordings. `ASKED`: if the study
-holds out such parts only. `OTHERWISE`: if the study holds out no such part, for tables and for
-recordings. `ALONE`: if there is only one such fold. All folds that leave out stretches together
-have the rest of the weight.
+"""Weights of the folds that leave out whole levels or recordings, all together.
+
+- `ASKED`: weight if the study holds out only such parts.
+- `OTHERWISE`: weights if the study holds out no such part, for tables and for recordings in time.
+- `ALONE`: weight if there is only one such fold.
+
+The folds that leave out stretches share the rest of the weight.
 """
 
 
 class Parts(NamedTuple):
-    """A kind of parts of the data: its description in `words`; the folds, (n,) each, that leave out
-    one part each; the `share` of the held-out samples of the study that are of this kind; and the
-    weight of all these folds together.
+    """One kind of parts of the data, for example recordings.
+
+    - `words`: description of the parts.
+    - `folds`: masks, (n,) each; each fold leaves out one part.
+    - `share`: fraction of the held-out samples of the study that belong to parts of this kind.
+    - `weight`: weight of all these folds together.
     """
 
     words: str
@@ -61,15 +69,16 @@ class Parts(NamedTuple):
 def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: bool) -> list[Parts]:
     """Return the folds of every kind of part that has a weight.
 
-    Each held-out sample of the study is of the first of these kinds that it fits; if it fits none,
-    it belongs to a stretch:
+    Each held-out sample of the study belongs to the first kind in this list that it fits, or to a
+    stretch if it fits none:
 
-    - an end of an input: it lies at outermost levels, or in a table beyond the training range;
+    - an end of an input: the sample lies at outermost levels, or in a table beyond the training
+      range;
     - the end of a recording: it comes after all training samples of its recording;
     - a level or a recording: its curve is held out as a whole.
 
-    The weight of the folds at ends of an input is the share of the held-out samples at such ends,
-    because only these folds can predict the error beyond the range. With `by_level`, the study
+    The weight of the folds at ends of an input is the fraction of the held-out samples at such
+    ends, because no other folds can predict the error beyond the range. With `by_level`, the study
     leaves out every level in turn.
     """
     samples, every = pooled_samples(dataset), pooled_samples(study)
@@ -86,7 +95,7 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
         end_folds, at_end = _beyond(dataset, samples, situation, study, every)
     behind, whole = (_remaining(every) == 0) & ("time" in every.columns), whole | by_level
     if situation.timed and standing is None and len(samples.logs) == 1:
-        # with one training recording, only its end can be left out like a held-out recording
+        # a single training recording cannot be left out as a whole, so its end is left out instead
         behind |= whole
     ends, drift, parts, rest = _shares([at_end, behind, whole], every.held_out | by_level)
     asked, other = (ALONE, ALONE) if len(folds) == 1 else (ASKED, OTHERWISE[situation.timed])
@@ -101,9 +110,9 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
 
 
 def _shares(kinds: Sequence[BoolArray], held: BoolArray) -> list[float]:
-    """Return the share of the held-out samples that belong to each kind, and the share that belong
-    to none. A sample that fits several kinds belongs to the first of them. Kinds with a share below
-    `SOME` do not count.
+    """Return the fraction of the held-out samples that belong to each kind, followed by the
+    fraction that belong to none. A sample that fits several kinds belongs to the first of them. A
+    fraction below `SOME` is set to zero; the others are then scaled so that their sum is one.
     """
     first = np.argmax([*kinds, np.ones_like(held)], axis=0)[held]
     counts = np.bincount(first, minlength=len(kinds) + 1)
@@ -114,8 +123,9 @@ def _shares(kinds: Sequence[BoolArray], held: BoolArray) -> list[float]:
 
 
 def _taught(folds: Sequence[BoolArray], samples: Curve, inputs: Sequence[str]) -> list[BoolArray]:
-    """Return at most `MOST_PARTS` of the folds, restricted to training samples. Every input still
-    varies without the samples of a fold, because nothing can be learnt about a constant input.
+    """Return at most `MOST_PARTS` of the folds, restricted to training samples. A fold is used only
+    if every input still varies in the samples that remain, because nothing can be learnt about a
+    constant input.
     """
     columns = np.array([samples.columns[name] for name in inputs], np.float32)
     taught = [
@@ -127,8 +137,8 @@ def _taught(folds: Sequence[BoolArray], samples: Curve, inputs: Sequence[str]) -
 
 
 def _remaining(samples: Curve) -> Array:
-    """Return, for each sample, the fraction of the training samples of its recording that do not
-    come before it, (n,). If the recording has no training samples, the fraction is 1.
+    """Return, for each sample, the fraction of the training samples of its recording that come at
+    this sample or later, (n,). If the recording has no training samples, the fraction is 1.
     """
     remaining = np.ones(samples.size)
     for log in samples.logs:
@@ -139,13 +149,16 @@ def _remaining(samples: Curve) -> Array:
 
 
 def _of_curves(dataset: Dataset, values: Sequence[Any]) -> Any:
-    """Return the value of the curve of each sample, (n, ...), from one value for each curve."""
+    """Return an array over all samples, (n, ...), in which each sample has the value of its curve.
+    `values` holds one value for each curve.
+    """
     return np.repeat(values, [curve.size for curve in dataset.curves], axis=0)
 
 
 def _values(dataset: Dataset, name: str) -> Array:
-    """Return the value that the quantity `name` has in the whole curve of each sample, (n,). The
-    values have single precision, so that rounding errors do not count.
+    """Return, for each sample, the value of the quantity `name`, which is constant in each curve,
+    (n,). The values have single precision, so that values that differ only by rounding errors are
+    equal.
     """
     values = [c.columns[name][0] if c.level is None else c.level for c in dataset.curves]
     single: Array = _of_curves(dataset, values).astype(np.float32)
@@ -153,9 +166,10 @@ def _values(dataset: Dataset, name: str) -> Array:
 
 
 def _standing(inputs: Sequence[str], study: Dataset, every: Curve, whole: BoolArray) -> str | None:
-    """Return the name of the level quantity, or of an input that is constant in every curve, if
-    its values in the curves that are held out as a whole (`whole`) occur in no other curve. Return
-    None if there is neither. `every` holds the samples of the study.
+    """Return the name of the quantity whose values distinguish the curves that are held out as a
+    whole (`whole`): the level quantity if there are levels, otherwise an input that is constant in
+    every curve and whose values in these curves occur in no other curve. Return None if there is no
+    such quantity. `every` holds the samples of the study.
     """
     for name in inputs if study.level is None and whole.any() else ():
         values = _values(study, name)
@@ -168,17 +182,17 @@ def _standing(inputs: Sequence[str], study: Dataset, every: Curve, whole: BoolAr
 def _neighbours(
     at: Array, every: Array, whole: BoolArray
 ) -> tuple[list[BoolArray], list[BoolArray], BoolArray]:
-    """Return folds, (n,), that leave out neighbouring values inside the range, folds that leave out
-    values at the ends of the range, and a mask of the samples of the study that lie beyond all
-    training values.
+    """Return inner folds, end folds, and a mask of the samples of the study that lie beyond all
+    training values, (m,).
 
-    Each inner fold leaves out as many neighbouring values as the study holds out between two
-    training values, or a single value if the study holds out none there. At each end that the study
-    holds out, one fold leaves out as many values as the study does. Another fold leaves out one
-    value more, because a choice by a single fold is uncertain. At least two values remain.
+    - An inner fold, (n,), leaves out neighbouring values inside the range: as many as the study
+      holds out between two training values, or a single value if the study holds out none there.
+    - An end fold, (n,), leaves out values at an end of the range at which the study holds out
+      values, and as many as the study. A second fold at this end leaves out one value more, because
+      a choice by a single fold is uncertain. At least two values remain.
 
     `at`, (n,), and `every`, (m,), hold the values at the training samples and at the samples of the
-    study.
+    study. `whole`, (m,), is True for samples of curves that are held out as a whole.
     """
     values, known, trained = np.unique(every), np.unique(every[~whole]), np.unique(at)
     most = len(trained) - 2
@@ -200,11 +214,13 @@ def _neighbours(
 def _beyond(
     dataset: Dataset, samples: Curve, situation: Situation, study: Dataset, every: Curve
 ) -> tuple[list[BoolArray], BoolArray]:
-    """Return folds, (n,), that leave out an end of an input's range, as wide as the part that the
-    study holds out beyond this end. Also return a mask of the samples of the study beyond these
-    ends. The range is that of all training samples. If too few held-out samples lie outside of it,
-    the range of each curve is tried instead. No fold is returned if too few samples lie outside of
-    that range too, or if samples are in the order of time.
+    """Return folds, (n,), that leave out an end of the range of an input, and a mask of the samples
+    of the study beyond these ends, (m,). An end is left out if the study holds out samples beyond
+    it; the fold is as wide as the part that the study holds out there.
+
+    First, the range is that of all training samples together. If too few held-out samples lie
+    outside it, each curve has its own range. No fold is returned if too few lie outside these
+    ranges either, or if samples are in the order of time.
     """
     training, held, folds = samples.training, every.held_out, list[BoolArray]()
     beyond = np.zeros_like(held)
@@ -226,10 +242,12 @@ def _beyond(
 
 
 def _from_ends(dataset: Dataset, samples: Curve, name: str, of_each: bool) -> Array:
-    """Return the distances of all samples below the lower end and above the upper end of the
-    training range, (2, n). Distances inside the range are negative, so that both add up to the
-    negative width of the range. With `of_each`, each curve has its own range, which is unlimited
-    for a curve without training samples. Otherwise, all curves together have one range.
+    """Return how far each sample lies below the lower end of the training range, and how far above
+    the upper end, (2, n). The distances are negative inside the range, so that the sum of both is
+    always the negative width of the range.
+
+    With `of_each`, each curve has its own range, which is unlimited for a curve without training
+    samples. Otherwise, all curves together have one range.
     """
     values = samples.columns[name]
     trained = [curve.columns[name][curve.training] for curve in dataset.curves]
@@ -241,8 +259,9 @@ def _from_ends(dataset: Dataset, samples: Curve, name: str, of_each: bool) -> Ar
 
 
 def _fair(samples: Curve) -> list[BoolArray]:
-    """Return folds, (n,), that leave out one log each, for all logs whose size is within the limits
-    `FAIR`. Return an empty list if fewer than two logs have such a size.
+    """Return folds, (n,), that leave out one log each. Only logs with a number of training samples
+    within the limits `FAIR` are left out. Return an empty list if there are fewer than two such
+    logs.
     """
     logs = samples.origin
     assert logs is not None

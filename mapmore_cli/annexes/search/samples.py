@@ -19,8 +19,8 @@ along every curve; for models that use the past, long pieces of recordings are u
 """
 
 MOST_DELAYS = 4
-"""Largest delay of a fed-back output in the lists of candidates. Every piece of a recording begins
-with as many known outputs.
+"""Largest delay of the output in the candidates that feed it back. Every piece of a recording
+begins with this number of known outputs.
 """
 
 
@@ -46,11 +46,13 @@ def searchable(dataset: Dataset) -> Dataset:
 
 
 def cut_short(dataset: Dataset, run: int, step: float | None) -> Dataset:
-    """Return at most `MOST_SAMPLES` samples. If `step` is None, every curve is thinned evenly.
-    Otherwise, `step` is the equal time step of the recordings (s), and pieces of them are returned.
+    """Return at most about `MOST_SAMPLES` samples. If `step` is None, every curve is thinned
+    evenly.
 
-    If possible, no piece is shorter than `run`, the length of a held-out run in samples. Each piece
-    begins with known outputs, so shorter pieces would flatter models that feed their output back.
+    Otherwise, `step` is the equal time step of the recordings (s), and uninterrupted pieces of the
+    recordings are returned. If possible, no piece is shorter than `run`, the length of a held-out
+    run in samples. A model that feeds its output back starts each piece with known outputs, so its
+    errors on shorter pieces would be too small.
     """
     if step is None:
         training = tuple(curve.at(curve.training) for curve in dataset.curves)
@@ -74,8 +76,8 @@ def thinned(dataset: Dataset) -> Dataset:
 
 
 def pooled_samples(dataset: Dataset) -> Curve:
-    """Return the samples of all curves as one curve. Its recordings are the logs at each level. The
-    pieces into which a log was cut count as one recording.
+    """Return the samples of all curves as one curve. A recording of this curve is a log at one
+    level. If a log was cut into pieces, all its pieces at this level belong to the same recording.
     """
     curves, log_of, numbers = dataset.curves, dataset.logs, dict[tuple[float | None, str], int]()
     logs = list[IntArray]()
@@ -95,7 +97,7 @@ def pooled_samples(dataset: Dataset) -> Curve:
 
 
 def ends_of(dataset: Dataset) -> IntArray:
-    """Return the indices, among the samples of all curves, at which every curve except the last
-    ends.
+    """Return the number of samples of the first curve, of the first two curves, and so on, without
+    the last sum. An array over all samples is split into curves at these indices.
     """
     return np.cumsum([curve.size for curve in dataset.curves])[:-1]

@@ -74,7 +74,7 @@ def search(
     situation = situation_of(training, part.ignored, part.model.inputs)
     ordered = part.in_order(dataset)
     uneven = _uneven(dataset) if situation.timed or ordered else ()
-    # models that count time steps cannot be fitted if levels are left out or time steps are uneven
+    # models with memory cannot be fitted if levels are left out or time steps are uneven
     step = None if part.by_level or uneven else situation.step
     situation = replace(situation, step=step, ordered=ordered and step is None)
     added = plugins.parts("families", Mapping)  # type: ignore[type-abstract]
@@ -137,9 +137,10 @@ Work = Callable[[], list[Outcome]]
 class Trials:
     """Trials of structures until the budget of computing time is used up.
 
-    `worked` is the processor time of each process, s, so that other programs hardly change how many
-    structures are tried. With faster or more processors, more structures are tried. `listed` counts
-    the structures that were offered, and `cut` those that were not tried because the time was over.
+    `worked` is the processor time of each process, s. It is used instead of the elapsed time,
+    because it hardly depends on other programs on the machine. With faster or more processors, more
+    structures are tried. `listed` counts the structures that families offered, and `cut` those that
+    were not tried because the budget was used up.
     """
 
     bench: Bench
@@ -164,8 +165,8 @@ class Trials:
         return outcomes
 
     def outcomes_of(self, candidate: Tried) -> list[Outcome]:
-        """Fit a structure to all samples and, if that succeeds, again without each fold; return
-        nothing if the time is used up.
+        """Fit a structure to all samples and, if that succeeds, again without each fold. Return its
+        outcomes, or an empty list if the budget of computing time is used up.
         """
         if self.worked > self.bench.part.model.budget:
             return []

@@ -24,8 +24,8 @@ NOT_INPUTS = ("time", "hysteresis", "static_force")
 """
 
 SAME = 1e-9
-"""An input counts as a linear function of another if less than this fraction of its variance
-remains.
+"""An input is treated as a linear function of another input if linear regression on the other input
+leaves less than this fraction of its variance.
 """
 
 FEWEST_IN_A_RECORD = 60
@@ -46,12 +46,13 @@ class Situation:
     samples, curves
         Number of training samples, and of curves that have training samples.
     step, steps
-        Time between samples, s, and the number of steps in the longest recording. If steps are not
-        equal, `step` is None, and nothing can be said about the past.
+        Time between samples, s, and the number of steps in the longest recording. `step` is None if
+        the steps are not equal; models can then not use earlier samples.
     around_zero
         Inputs that take both signs.
     ordered
-        True if samples are in the order of time at unequal steps, so that an input rises or falls.
+        True if samples are in the order of time at unequal steps, so that it is known whether an
+        input rises or falls.
     """
 
     target: str
@@ -141,8 +142,9 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
 
 
 def _even_step(curves: Sequence[Curve]) -> tuple[float | None, int]:
-    """Return the equal time step, s, and the largest number of uninterrupted steps; None if samples
-    are not in order at equal steps.
+    """Return the equal time step, s, and the number of steps in the longest uninterrupted
+    recording. Return None and 0 if samples are not in the order of time at equal steps, or if the
+    longest recording is too short for models with memory.
     """
     try:
         step, _, records = sampled(curves)

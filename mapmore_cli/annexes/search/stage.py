@@ -27,10 +27,13 @@ if TYPE_CHECKING:
 
 
 def search_slice(spec: ExperimentSpec) -> Slice:
-    """Return the part of the spec on which the search depends. Some quantities are never inputs:
-    the target, quantities that are computed from the target, the quantity from which alone the
-    target is computed, rates by which samples are kept, and quantities that distinguish groups or
-    recordings.
+    """Return the part of the spec on which the search depends. Its `ignored` quantities are never
+    inputs of a model:
+
+    - the target, and quantities that are computed from it;
+    - the quantity from which the target is computed, if there is a single one;
+    - rates by which the samples to keep are selected;
+    - quantities that distinguish groups or recordings.
     """
     data, target = spec.data, spec.target_quantity
     of = data.sources.get(target, ())
@@ -65,9 +68,11 @@ STAGE = Stage(name="search", revision=25, outputs=(SEARCH,), reads=search_slice,
 
 
 def formulas_beside(result: Search, every: bool = False) -> list[str]:
-    """Return the formula of the literature that has the smallest error of all that were tried;
-    none if this formula is the chosen structure. With `every`, return all formulas, so
-    that they are not selected by their errors.
+    """Return the names of the formulas that become competitors: the formula of the literature that
+    has the smallest error in the search, or none if this formula is the chosen structure.
+
+    With `every`, all formulas are returned, because the search has then seen all data, so that the
+    best formula would be selected by its error on the held-out data.
     """
     formulas = [tried for tried in result.tried if tried.family == "formula" and not tried.failure]
     if not every:

@@ -1,4 +1,6 @@
-"""Leave out stretches of curves, as long as those that a study holds out: folds of a search."""
+"""Make the folds of a search that leave out stretches of curves. The stretches are as long as those
+that the study holds out.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +26,14 @@ of samples.
 def stretches(
     dataset: Dataset, situation: Situation, held_out: Holdout | None, run: int
 ) -> tuple[str, list[BoolArray]]:
-    """Return the folds that leave out a part of every curve, as a description and as masks. For
-    recordings at equal steps, these are stretches of time as long as the held-out run. Otherwise,
-    they are bands of an input as wide as the held-out bands, or stretches along each input.
+    """Return a description of the folds, and their masks. Each fold leaves out a part of every
+    curve.
 
-    If models do not depend on earlier samples, stretches of time would test nothing in particular.
-    Ends of an input's range are not left out: they could only be extrapolated, and the large errors
-    there would dominate a comparison that is about interpolation.
+    For recordings at equal steps, the parts are stretches of time as long as the held-out run.
+    Otherwise, the parts are bands of an input as wide as the held-out bands or, without such bands,
+    stretches along each input. (If models do not depend on earlier samples, leaving out stretches
+    of time would not test interpolation.) The ends of an input's range are not left out: a model
+    could only extrapolate there, and its large errors would dominate the comparison.
     """
     samples = pooled_samples(dataset)
     training = samples.training
@@ -71,8 +74,8 @@ def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
 
 
 def held_run(study: Dataset) -> int:
-    """Return the typical length of a run of held-out samples: half of the samples are in runs that
-    are longer.
+    """Return the typical length of a run of consecutive held-out samples: half of the held-out
+    samples belong to runs that are at least as long.
     """
     samples = pooled_samples(study)
     out = [0]
@@ -86,11 +89,11 @@ def held_run(study: Dataset) -> int:
 def _bands(
     samples: Curve, held_out: Mapping[str, object], inputs: Sequence[str]
 ) -> list[BoolArray]:
-    """Return bands of an input, around evenly spaced quantiles of the training data, that are as
-    wide as the bands that the study holds out.
+    """Return folds that leave out bands of an input, as wide as the bands that the study holds out.
+    The bands lie around evenly spaced quantiles of the training data.
 
-    Blocks in the order of time would contain every value of an input that was swept more than once,
-    so that leaving them out would not test interpolation.
+    Bands are used because a block in the order of time would not test interpolation: if an input
+    was swept more than once, its values in the block also occur outside the block.
     """
     folds: list[BoolArray] = []
     for name, held in held_out.items():

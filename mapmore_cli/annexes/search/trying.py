@@ -38,7 +38,9 @@ EMPTY: Mapping[str, Any] = {
 
 
 def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
-    """Return the sections of a candidate in the form of the spec."""
+    """Return the settings of a model: the sections of a candidate, and the settings of the study
+    that no candidate changes.
+    """
     fused = {key.removeprefix("fuse."): v for key, v in sections.items() if key.startswith("fuse.")}
     return _CHOICES.validate_python(
         {
@@ -59,10 +61,11 @@ long lags say nothing about short recordings.
 
 
 def tried_ways(candidate: Tried, bench: Bench) -> list[Outcome]:
-    """Fit a structure, and return an outcome for each of its `continuations`, which say how the
-    model continues outside the range of a curve. The continuation of the candidate itself comes
-    first. If the study sets the extrapolation, no other continuation is tried. A continuation is
-    left out if its errors equal those of an earlier continuation on every sample.
+    """Fit a structure, and return its outcomes: one for each way in which the model can continue
+    outside the range of a curve (`continuations`). The outcome of the candidate itself comes first.
+
+    If the study sets the extrapolation, the candidate is tried only in this way. A continuation is
+    left out if its errors equal those of an earlier continuation at every sample.
     """
     choices = choices_of(candidate.sections, bench.part)
     model, whole = refit_near(choices, bench.dataset, None)
@@ -91,9 +94,7 @@ def tried_ways(candidate: Tried, bench: Bench) -> list[Outcome]:
 
 
 def _going_on(model: Model, way: Tried) -> Model:
-    """Return the model of a structure that continues outside the range of its curves as `way`
-    sets.
-    """
+    """Return a copy of a model. Outside the range of its curves, it behaves as `way` says."""
     body, beyond = model.body, way.sections.get(BEYOND)
     if beyond is None or not isinstance(body, Pieces):
         return model
@@ -115,25 +116,27 @@ def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Array:
 
 
 SWING = 0.1
-"""Fraction of the output's range by which the start of a test run is raised; and fraction of the
-largest resulting difference that may still oscillate in the second half of the run.
+"""Fraction of the output's range by which the start of a second test run is higher than that of the
+first. Also the largest standard deviation of the difference of both runs in their second half, as a
+fraction of the largest difference.
 """
 
 LARGER = 1.2
-"""Factor of the inputs, about their middle, with which a fed-back model must still be stable. With
-the inputs as they were, an unstable model may seem stable, because whoever recorded them kept the
-output in its range.
+"""Factor by which the deviations of the inputs from their middle are multiplied in a test run, in
+which a model that feeds its output back must still be stable. With the recorded inputs, an unstable
+model may seem stable, because whoever recorded them kept the output in its range.
 """
 
 
 def _refusal(model: Model, bench: Bench) -> str:
     """Return the reason why a model is refused whatever its errors are; empty if it is accepted.
 
-    If inputs repeat, a model with poles on the unit circle continues the record like a clock,
-    whatever drives it. Therefore a fed-back model is refused if the start of a free run still makes
-    it oscillate late in the longest recording. Two free runs are compared: one starts at the
-    measured output, the other a tenth of the range higher. An integrator keeps its offset and does
-    not oscillate.
+    If the inputs repeat, a model with poles on the unit circle can oscillate in time with them, and
+    predict the recording well without depending on the inputs. Therefore, a model that feeds its
+    output back is refused if the start of a free run still makes it oscillate late in the longest
+    recording. Two free runs are compared: the first starts at the measured output, the second
+    higher by a tenth of the range. An integrator is not refused, because it keeps its offset and
+    does not oscillate.
     """
     longest = max(bench.dataset.curves, key=attrgetter("size"))
     target, columns = bench.dataset.target, longest.columns

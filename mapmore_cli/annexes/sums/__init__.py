@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 class Part:
     """A model in a sum.
 
-    An input may be the output of another model, for example the pressure behind a valve. `fed`
-    holds such models. The output of such a model has the same name as the input that it provides.
+    An input of the model may be the output of another model, for example the pressure behind a
+    valve. `fed` holds such other models. The output of each has the name of the input that it
+    provides.
     """
 
     model: Annotated[Model, "the model"]

@@ -95,8 +95,8 @@ class SumMaker(Maker):
         return FitResult(joint)
 
     def build(self, part: ModelChoices, given: Given, result: FitResult) -> Model:
-        """Return the sum: static plus damping model, the models of the runs in the spec, or
-        formulas that were fitted together.
+        """Return the sum. Its parts are a static model and a model of damping, the models of other
+        runs, or formulas that were fitted together.
         """
         dataset, model_of = given.dataset, given.model_of
         output, quantities = dataset.quantities[dataset.target], dataset.quantities

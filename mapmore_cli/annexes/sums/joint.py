@@ -32,8 +32,8 @@ from mapmore_cli.study.sections.model import Summand
 def sum_of(
     name: str, parts: Sequence[Part], output: Quantity, quantities: Mapping[str, Quantity]
 ) -> Model:
-    """Return the model `output = sum_m sign_m m(inputs_m)`, a function of every quantity from which
-    the inputs of its parts are made.
+    """Return the model `output = sum_m sign_m m(inputs_m)`. The inputs of the sum are all
+    quantities in the expressions from which the inputs of its parts are computed.
 
     Raises SpecError if an output is not in the unit of the sum, or if an input is not among the
     `quantities` with its unit.
@@ -70,12 +70,13 @@ def sum_of(
 
 
 def actuator(force: Model, pressure: Model) -> Model:
-    """Return a model whose input `pressure` is the output of another model, so that it computes the
-    force from the command of the valve.
+    """Return the model of an actuator. It computes the force with the model `force`, whose pressure
+    is the output of the model `pressure`. Therefore, an input of the actuator is the command of the
+    valve instead of the pressure.
 
-    Raises DataError in four cases: the force does not depend on the pressure, or has it in another
-    unit; the force depends on the rate of the pressure; the pressure model needs its measured past;
-    both models have an input of the same name in different units.
+    Raises DataError in four cases: the force does not depend on the pressure, or uses it in another
+    unit; the force depends on the rate of the pressure; the pressure model needs measured values of
+    the pressure to start; both models have an input of the same name in different units.
     """
     output, needed = pressure.output, {quantity.name: quantity for quantity in force.inputs}
     if needed.pop(output.name, None) != output:
@@ -143,7 +144,9 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
 
 
 def own_inputs(part: Summand, columns: Columns) -> Columns:
-    """Return the inputs of a formula in a sum under its own names, (n,) each."""
+    """Return the inputs of a formula in a sum, (n,) each, by the names that the formula itself
+    uses. The `columns` have the names of the sum.
+    """
     n, names = row_count(columns), literature.get(str(part.formula)).inputs
     return {name: evaluate(parse(part.inputs.get(name, name)), columns, n) for name in names}
 
@@ -169,8 +172,8 @@ def fit_jointly(
 
 
 def joint_formula(summands: Sequence[Summand]) -> Formula:
-    """Return the sum as one formula, in which the number of each summand is appended to its inputs
-    and parameters.
+    """Return the sum as one formula. The number of a summand, such as `_2`, is appended to the
+    names of its inputs and parameters.
     """
     parts = [
         _numbered(literature.get(str(summand.formula)), i) for i, summand in enumerate(summands, 1)
@@ -197,7 +200,9 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
 
 
 def _numbered(formula: Formula, number: int) -> Formula:
-    """Return a formula with `_number` appended to the names of its inputs and parameters."""
+    """Return a formula with `_number` appended to the names of its inputs and parameters. Raises
+    SpecError if the formula cannot be fitted together with others.
+    """
     if type(formula) is not Formula or formula.dimensions:
         raise SpecError(
             f"{formula.name} cannot be fitted together with other formulas in a sum",
@@ -241,8 +246,8 @@ def _sum(signs: Sequence[float], texts: Sequence[str]) -> str:
 
 
 def split(fit: FormulaFit, summands: Sequence[Summand]) -> list[FormulaFit]:
-    """Return the fit of each summand, taken from the joint fit, with its parameters under their own
-    names.
+    """Return the fit of each summand, taken from the fit of the whole sum. Its parameters have the
+    names of the formula again, without the number of the summand.
     """
     parts = []
     for i, summand in enumerate(summands, 1):

@@ -58,8 +58,8 @@ def _whole(model: Model) -> Equation:
 
 
 def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Columns]]:
-    """Yield each part with the columns from which its model is computed. The columns have the names
-    that the model of the part uses for its inputs.
+    """Yield each part with the columns from which its model is computed, under the names that this
+    model uses for its inputs.
     """
     n = row_count(columns)
     for part in parts:
@@ -75,9 +75,9 @@ def _parts(parts: Sequence[Part], columns: Columns) -> Iterator[tuple[Part, Colu
 
 
 def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
-    """Write the models whose outputs are inputs of a part, then the part itself, and return its
-    value. The value is NaN as long as one of these models has no value because it needs earlier
-    samples.
+    """Write a part of the sum to the program, after the models whose outputs are its inputs. Return
+    the value of the part. The value is NaN as long as one of these models has no value because it
+    needs earlier samples.
     """
     renamed = {
         name: m.let("input", substitute(parse(text), inputs)) for name, text in part.inputs.items()
@@ -98,14 +98,14 @@ def _value(m: Writer, part: Part, inputs: Inputs) -> Expression:
         *(replace(limit, inputs=_own(part, limit.inputs) & inputs.keys()) for limit in m.limits),
     ]
     own_knots, m.knots = m.knots, knots
-    # knots of a renamed input belong to an expression, and not to an input of the sum
+    # knots along a renamed input are not knots along an input of the sum
     for name in own_knots.keys() - renamed.keys():
         m.knot(name, *own_knots[name])
     return value
 
 
 def _own(part: Part, names: Iterable[str]) -> frozenset[str]:
-    """Return the inputs of the sum from which the inputs `names` of a part are computed."""
+    """Return those inputs of the sum from which the inputs `names` of a part are computed."""
     fed = {inner.model.output.name: _own(inner, inner.model.input_names) for inner in part.fed}
     return frozenset().union(
         *(fed[name] if name in fed else parse(part.inputs.get(name, name)).names for name in names)
@@ -177,8 +177,8 @@ class SumVerbs(Verbs):
         )
 
     def fed_back(self, model: Model) -> tuple[str, ...]:
-        """Return the names of the outputs whose measured values at least one part needs to
-        start.
+        """Return the names of the outputs of which measured values are needed to start at least one
+        part.
         """
         return tuple(
             dict.fromkeys(
@@ -190,7 +190,9 @@ class SumVerbs(Verbs):
         )
 
     def write(self, m: Writer, model: Model, inputs: Inputs) -> Expression:
-        """Write the sum of models, each with its sign and with its own names of the inputs."""
+        """Write the program of a sum: the models of its parts, each with its sign, and with its own
+        names for the inputs.
+        """
         values = []
         for part in model.body_of(Sum).parts:
             value = _value(m, part, inputs)
