@@ -155,8 +155,8 @@ def predict(
 
 
 def _lines_of_grid(grid: str, model: Model, constants: Mapping[str, float]) -> Iterator[str]:
-    """Return a table of all combinations of the inputs on a grid. An input that `constants` gives
-    has one value in the grid. Raises UsageError for a model with memory.
+    """Return the lines of a table with all combinations of the input values on a grid. An input in
+    `constants` has the same value in all rows. Raises UsageError for a model with memory.
     """
     from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.pipeline.records import grid_lines
