@@ -44,7 +44,7 @@ ORDER = (
     *("predict", "adapt", "invert", "freeze", "compare", "export", "figure"),
     *("show", "clean", "init", "example", "check", "schema"),
 )
-"""Order of the work, in which `--help` lists the commands."""
+"""Order in which `--help` lists the commands: the order in which a user needs them."""
 
 REMOVED = {
     "paper": (

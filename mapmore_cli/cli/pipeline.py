@@ -160,8 +160,8 @@ PrintSpec = Annotated[
 
 
 def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
-    """Return the overrides of the spec. If the option --figures is given, add the overrides of
-    `report.figures` and `report.formats` that it replaces.
+    """Return the overrides of the spec. If the option --figures is given, also set the keys
+    `report.figures` and `report.formats` accordingly.
     """
     from mapmore_cli.reporting.order import FIGURES
 

@@ -30,8 +30,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     held_out = inputs.pooled_held_out[order]
 
     def on(ax: Axes, error: Array, look: ModelStyle, words: str) -> None:
-        """Draw the errors of a model; `words` is a remark on the axes that says why no dots, or not
-        all dots, are shown.
+        """Draw the errors of a model. If some or all dots lie outside the axes or are missing,
+        `words` is a remark with the reason, which is written into the panel.
         """
         panels.zero_line(ax)
         for rows, colour, size in ((~held_out, LIGHT, 1.6), (held_out, look.colour, 2.2)):

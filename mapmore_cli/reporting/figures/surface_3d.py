@@ -17,7 +17,7 @@ the surface.
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return a figure with one panel if the model has two inputs, otherwise none."""
+    """Return a figure with one panel if the model has two inputs, otherwise an empty list."""
     sheet = sheet_of(inputs)
     if sheet is None:
         return []
