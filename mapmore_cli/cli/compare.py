@@ -134,11 +134,12 @@ def compare(
 def _of_models(
     names: Sequence[str], paths: Sequence[Path], margin: float, other_settings: bool
 ) -> tuple[dict[str, Comparison], View]:
-    """Compare the first model with each later model. Return the comparison with the last model, by
-    its name, and the view that the command prints.
+    """Compare the first model with each later model. Return two results. The first is a dictionary
+    that holds the comparison with the last model under the name of this model. The second is the
+    view that the command prints.
 
-    If the models have several outputs, return a comparison for each output, by the name of the
-    output. Raises UsageError for more than two models with several outputs.
+    If the models have several outputs, the dictionary holds a comparison for each output, under the
+    name of the output. Raises UsageError for more than two models with several outputs.
     """
     from mapmore_cli.cli.compared import of_campaigns, of_comparisons
     from mapmore_cli.pipeline.archive import compared
@@ -158,8 +159,8 @@ def _of_models(
 
 
 def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
-    """Draw the outputs of all models at reference points, one model after the other, and write this
-    figure to a file.
+    """Draw how the outputs at reference points change from model to model, and write the figure to
+    a file.
     """
     from mapmore_cli.modelling.validation.comparison import reference_points
     from mapmore_cli.reporting.figures.commands import drift_drawing

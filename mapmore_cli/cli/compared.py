@@ -125,7 +125,9 @@ def _cautions(comparison: Comparison) -> list[str]:
 
 
 def _of_settings(comparison: Comparison) -> Iterator[str]:
-    """Yield a sentence with the settings in which the two models differ, if there are any."""
+    """Yield one sentence that lists the settings in which the two models differ. Yield nothing if
+    all settings are equal.
+    """
     if comparison.settings:
         yield f"The settings differ: {'; '.join(comparison.settings)}."
 

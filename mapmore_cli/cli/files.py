@@ -181,7 +181,8 @@ def figure(
         refuse_early(out, chosen)
     wanted = [model.strip() for model in (models or "").split(",") if model.strip()]
     folder = folder_of(run, runs)
-    load_records(folder)  # notes the sources of the run as read, so that they are never overwritten
+    # this marks the source files of the run as read, so that the figure cannot replace them
+    load_records(folder)
     with Reporter(quiet) as reporter:
         drawn, numbers = drawn_figure(folder, name, curve, suffix, reporter.warn, looks, wanted)
     if chosen:

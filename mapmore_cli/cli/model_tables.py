@@ -47,7 +47,7 @@ def lines_for(
             "other tables cannot be used",
             "write the table to a file, and give the path of the file",
         )
-    # the result lacks some columns of a foreign table, so it must not be written over this table
+    # the output has fewer columns than this table, so it must not replace the table
     if table != STANDARD and is_foreign(table, options):
         note_read([table])
         lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)

@@ -1,4 +1,4 @@
-"""Collect the alerts of a run: reasons why the error that its verdict states may be misleading. The
+"""Collect the alerts of a run: reasons why the error that the run reports may be misleading. The
 page, `--json` and stderr show the same alerts.
 """
 
@@ -139,11 +139,11 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
 
 def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str]]:
     """Yield an alert for each competitor whose pooled error is smaller than the error of the run's
-    own model by more than 1 %. The verdict uses the same limit.
+    own model by more than 1 %. The sentence with the result of the run uses the same limit.
 
-    Yield another alert that names the competitors that are nearly as good: the mean difference
-    between their RMSE and the RMSE of the own model, over the curves, is at most one standard error
-    of this mean.
+    Yield another alert that names the competitors that are nearly as good. For each curve, the RMSE
+    of the own model is subtracted from the RMSE of the competitor; the mean of these differences is
+    at most one standard error of the mean.
     """
     compared = [s for s in deciding(scores) if math.isfinite(s.rmse) and s.model != REPEATABILITY]
     ours = next((score for score in compared if score.model == OWN), None)

@@ -224,8 +224,9 @@ def pieces_of(model: Model, equations: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _sides(fitted: Sides) -> list[tuple[str, str]]:
-    """Return everything that a model can do below and above the limits of an input, such as
-    `saturate`, each as JSON with a title. The behaviour of this model, `fitted`, comes first.
+    """Return the possible behaviours of a model outside the limits of an input, for example
+    `saturate` on both sides. Each is a pair of texts: the behaviour as JSON, and its title. The
+    behaviour of this model, `fitted`, comes first.
     """
     titles = {"continue_linear": "continue straight"}
     known: dict[Sides, str] = {(way, way): titles.get(way, way) for way in get_args(Beyond)}

@@ -34,9 +34,9 @@ this fraction of the training range of the input.
 """
 
 PER_PERIOD, REST, MOST_RESTING = 500, 30.0, 20_000
-"""Number of samples in one period of the input that a page shows at first; time in seconds for which
-a model is simulated with constant inputs, so that it comes to rest; and largest number of samples
-in this time.
+"""Number of samples in one period of the input that a page shows at first; time in seconds for
+which a model is simulated with constant inputs, so that it comes to rest; and largest number of
+samples in this time.
 """
 
 
@@ -75,7 +75,9 @@ def study_of(inputs: ReportInputs, key: str) -> dict[str, Any]:
 
 
 def _span(curves: Sequence[Curve], name: str) -> Ends:
-    """Return the smallest and largest value of a quantity; 0 and 1 if it has none."""
+    """Return the smallest and the largest value of a quantity, or 0 and 1 if all its values are
+    missing.
+    """
     values = np.concatenate([curve.columns[name] for curve in curves])
     values = values[np.isfinite(values)]
     return (values.min(), values.max()) if values.size else (0.0, 1.0)
@@ -126,7 +128,7 @@ def _swing(name: str, width: float) -> dict[str, Any]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Return numbers with seven significant digits; None for a missing number."""
+    """Round numbers to seven significant digits. A missing number becomes None."""
     return [float(f"{one:.7g}") if np.isfinite(one) else None for one in values.tolist()]
 
 

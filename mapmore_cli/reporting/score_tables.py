@@ -120,8 +120,8 @@ EQUAL_WITHIN = 0.01
 
 
 def scored(table: ScoreTable, dataset: Dataset) -> Quantity:
-    """Return the quantity that the scores of a table belong to. If the model is inverted, this is
-    an input of the model.
+    """Return the quantity whose errors a table of scores contains. If the model is inverted, this
+    is an input of the model.
     """
     name = next(iter(table.units), dataset.target)
     return dataset.quantities[name if name in dataset.quantities else dataset.target]

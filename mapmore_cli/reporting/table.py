@@ -216,7 +216,7 @@ _MARKUP = re.compile(
     r"[\\`*|~$]"
     r"|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])"  # `_` is escaped only at the ends of a word
     r"|\](?=[(\[:])"  # `]` is escaped only where it could end a link
-    r"|(?<=:)/(?=/)|(?<=www)\."  # no web address becomes a link
+    r"|(?<=:)/(?=/)|(?<=www)\."  # web addresses must not become links
     # at the start of a text, these characters would begin a heading, a list, a quotation or a rule
     r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))"
 )

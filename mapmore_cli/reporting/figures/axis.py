@@ -24,12 +24,13 @@ Place = Callable[[Any], Array]
 class Axis:
     """Axis of a figure.
 
-    - `margin`: fraction of the range of the data by which the axis extends beyond them at each end.
+    - `margin`: fraction of the range of the data that is added at each end of the axis.
     - `low`, `high`, `least`: smallest, largest, and smallest positive value of the data. A
       logarithmic axis begins at `least`.
     - `limits`: ends of the axis if they do not follow from the data.
     - `subs`: multiples of the powers of ten that a logarithmic axis labels.
     - `most`: largest number of steps between ticks.
+    - `ticks`: label of each tick by its value; None if the ticks follow from the ends.
     """
 
     margin: float

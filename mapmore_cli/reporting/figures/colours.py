@@ -43,13 +43,15 @@ def hex_of(colour: Any) -> str:
 
 @dataclass(frozen=True)
 class Shades:
-    """Colours of the bands between `levels`, (n,), which are taken from the colour map `cmap`."""
+    """Colours for values. Each band between two neighbouring `levels`, (n,), has one colour of the
+    colour map `cmap`.
+    """
 
     cmap: str
     levels: Array
 
     def of(self, values: Any) -> list[str]:
-        """Return the colours of values; an empty text for NaN."""
+        """Return the colour of each value. The colour of NaN is an empty text."""
         bands = len(self.levels) - 1
         places = np.clip(np.searchsorted(self.levels, values, side="right") - 1, 0, bands - 1)
         shares = places / max(bands - 1, 1)

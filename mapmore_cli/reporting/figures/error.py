@@ -20,9 +20,9 @@ SHARE = ("axes fraction", "axes fraction")
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel for each model, all with the same axes. A panel shows the samples of all
-    curves. Training samples are pale dots, and held-out samples are dots above them in the colour
-    of the model.
+    """Return a figure with one panel for each model; all panels have the same axes. A panel shows
+    the samples of all curves. Training samples are pale dots. Held-out samples are dots in the
+    colour of the model, drawn on top of the pale dots.
     """
     target, unit, looks = inputs.target.name, inputs.target.unit, panels.looks_of(inputs)
     order = np.argsort(inputs.pooled(inputs.dataset.target), kind="stable")

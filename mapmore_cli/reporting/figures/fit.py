@@ -83,8 +83,9 @@ class CurveFit:
         return bool(np.isfinite(self.predictions[model]).any())
 
     def draw(self, top: Axes, bottom: Axes, words: tuple[str, str]) -> None:
-        """Draw measured samples and a line for every model above, and predicted minus measured
-        values below. `words` are the legend entries for held-out samples and for all other samples.
+        """Draw measured samples and a line for every model in the upper axes, and predicted minus
+        measured values in the lower axes. `words` are the legend entries for held-out samples and
+        for all other samples.
 
         Over time, measured samples are a line; otherwise they are dots, filled if they are held
         out. A model without prediction is not drawn. If the predictions of a model are far off, the
@@ -129,8 +130,9 @@ class CurveFit:
 
 
 def curve_fit(inputs: ReportInputs, number: int, training: bool = False) -> CurveFit:
-    """Return curve `number` of the dataset with the models whose lines are drawn. If `training` is
-    True, return only the training samples of the curve, with the run's own model as the only model.
+    """Return the data for drawing curve `number` of the dataset: its samples, and the predictions
+    of the models that are drawn as lines. If `training` is True, the data contain only training
+    samples and the run's own model.
     """
     curve, timed, ends = inputs.dataset.curves[number], inputs.timed, inputs.interval(number)
     x = curve.columns[_axis(inputs).name]

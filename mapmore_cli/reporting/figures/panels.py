@@ -116,8 +116,8 @@ def cloud(y: Array, limit: int) -> IntArray:
 
 
 def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-    """Divide the range of sorted `x` into equal intervals. Return, for every interval that contains
-    samples, its position and the mean, smallest and largest `y`, (m,) each.
+    """Divide the range of sorted `x` into equal intervals. For every interval that contains
+    samples, return the mean of `x` and the mean, smallest and largest `y`, (m,) each.
     """
     rows = np.flatnonzero(np.isfinite(y))
     edges = np.linspace(x[0], x[-1], STRETCHES + 1)[1:-1]

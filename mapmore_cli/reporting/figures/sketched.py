@@ -153,8 +153,8 @@ def _filled(draw: Any, stack: Sequence[float], columns: int, size: float) -> lis
 
 
 def _share_axes(panels: list[list[Sketch]], columns: int, all_x: bool, common_y: str) -> None:
-    """Give equal ranges to those axes of different panels that a figure shares: all x axes if
-    `all_x` is True, and the y axes of each row or of all panels, as `common_y` says.
+    """Give equal ranges to axes of different panels: to all x axes if `all_x` is True, and to the y
+    axes of each row or of all panels, as `common_y` says.
     """
     sheets = [sheet for panel in panels for sheet in panel]
     if all_x:

@@ -31,7 +31,8 @@ RC: dict[Any, Any] = {
     "legend.columnspacing": 1.4,
     "legend.handlelength": 2.2,
     "lines.linewidth": 1.1,
-    "svg.fonttype": "none",  # text remains text, so that it can be searched and the file is small
+    # texts are not converted to outlines, so that they can be searched and the file is small
+    "svg.fonttype": "none",
     "text.parse_math": False,  # a `$` in a name does not begin a formula
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
