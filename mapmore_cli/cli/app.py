@@ -35,8 +35,8 @@ MODULES = {
     **dict.fromkeys(("predict", "invert"), "predict"),
     **{name: name for name in ("adapt", "check", "clean")},
 }
-"""Module of `cli/` with the function of each command, which has the same name. Plugins add others
-(`domain.plugins`).
+"""Module in `cli/` of each command. The function in the module has the name of the command. Plugins
+add further commands (`domain.plugins`).
 """
 
 ORDER = (
@@ -56,7 +56,7 @@ REMOVED = {
         "run `python -m datasets.rig SPEC` in a checkout of the sources",
     ),
 }
-"""Explanation and replacement for commands that no longer exist."""
+"""For each command that no longer exists: an explanation, and what to do instead."""
 
 AS_JSON = "mapmore.json"
 """Key in the context of Typer: True if the command line asks for JSON. Errors are then reported in

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 ONE_CURVE = 2 / 3
-"""If one curve has a larger weight than this, the result is mainly about that curve."""
+"""Weight of one curve above which a remark says that the result describes mainly this curve."""
 
 
 def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:

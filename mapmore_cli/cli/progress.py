@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from mapmore_cli.pipeline.runner import Listeners
 
 PATIENCE = 1.0
-"""Seconds after which work shows its progress."""
+"""Time in seconds after which the progress of work is shown."""
 
 SOME_RUNS = 3
-"""Largest number of runs that are named with a warning."""
+"""Largest number of runs whose names are printed with a warning."""
 
 MOST_OF_A_KIND = 10
-"""Largest number of printed warnings that differ only in words with a digit."""
+"""Largest number of printed warnings that are equal without the words that contain a digit."""
 
 LINE_EVERY = 5.0
 """Seconds between two lines of progress if stderr is no terminal."""

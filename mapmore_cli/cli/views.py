@@ -455,4 +455,4 @@ VIEWS: dict[str, Callable[[Any], View]] = {
     "model": _of_model,
     "validation": _of_validation,
 }
-"""Function that shows each kind of file."""
+"""Function that returns the view of each kind of HDF5 file."""

@@ -18,8 +18,8 @@ from mapmore_cli.reporting.score_tables import EQUAL_WITHIN
 from mapmore_cli.reporting.table import title_of
 
 FEW_CURVES = 3
-"""Smallest number of held-out curves for a useful error. With fewer, the error says little about
-other curves and has no standard error.
+"""Smallest number of held-out curves without an alert. With fewer curves, their error says little
+about the error on other curves, and its standard error cannot be computed.
 """
 
 
@@ -38,7 +38,7 @@ ALERTS: Mapping[str, str] = {
     "search": "terms",
     "check": "data",
 }
-"""Section of the page that shows each kind of alert; the worst kind comes first."""
+"""Section of the page to which each kind of alert refers. The worst kind comes first."""
 
 
 def alerts_of(

@@ -27,13 +27,17 @@ from mapmore_cli.reporting.scripts import json_text
 from mapmore_cli.reporting.table import title_of
 
 LINES = [(f"--other{number}", dash) for dash in ([7, 3], [2, 3]) for number in (1, 2, 3, 4, 5)]
-"""Colours, as `explore.css` calls them, and dashes of the lines of competitors."""
+"""Colour and dashes of the line of each competitor. The colours are names of variables in
+`explore.css`.
+"""
 
 MOST_SEGMENTS = 100
-"""Largest number of segments of a model that a page computes. Their code has half a megabyte."""
+"""Largest number of segments of a model that a page computes. The code of so many segments has half
+a megabyte.
+"""
 
 Sides = tuple[Any, Any]
-"""Behaviour below and above the limits of an input."""
+"""Two behaviours of a model: below and above the limits of an input."""
 
 _EXPORTED = re.compile(r"\nexport \{ (.*) \};\n$")
 _COMMENTS = re.compile(r"^/\*\*$.*?^ \*/\n", re.DOTALL | re.MULTILINE)

@@ -18,8 +18,8 @@ from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 from mapmore_cli.reporting.scripts import json_text
 
 MOST_TRAINED, MOST_SAMPLES = 2000, 4000
-"""Largest number of training samples of an output on its page, which are drawn only, and of
-held-out samples, of which the page computes errors.
+"""Largest number of training samples and of held-out samples of an output on its page. Training
+samples are only drawn. From held-out samples, the page also computes errors.
 """
 
 PLACES = 41

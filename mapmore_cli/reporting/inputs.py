@@ -27,8 +27,8 @@ MOST_LINES = 7
 """Largest number of lines that can be distinguished in one panel."""
 
 FAR_OFF = 10.0
-"""A model does not affect the scale of a figure if its error exceeds that of the run's own model by
-this factor.
+"""A model is ignored in the scale of a figure if its error is more than this many times as large as
+the error of the run's own model.
 """
 
 

@@ -44,7 +44,7 @@ from mapmore_cli.reporting.table import (
 )
 
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
-"""Function that writes a table, by format."""
+"""Function that returns a table as text, for each file format."""
 
 MOST_ROWS = 400
 """Largest number of rows of a table on the page."""
@@ -197,7 +197,9 @@ def data_csv(data: Mapping[str, Values], digits: int = 12) -> str:
 
 
 MOST_NUMBERS = 400
-"""Largest number of samples of a panel that a page holds as numbers; files have all of them."""
+"""Largest number of samples of a panel whose numbers are stored in a page. Files contain the
+numbers of all samples.
+"""
 
 
 def numbers_of(drawing: Drawing) -> str:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 Cell = str | int | float | None
-"""Contents of a cell; None and NaN mean a missing number."""
+"""Contents of a cell. None and NaN stand for a missing number."""
 
 Cells = tuple[Cell, ...]
 """A row of a table."""
@@ -31,7 +31,7 @@ MISSING = "–"
 EQUATION = r"{{\raggedright\strut ${}$\strut\par}}"
 
 CODE = re.compile("`([^`]+)`")
-"""A command or key within a sentence."""
+"""Regular expression for a command or a key in a sentence."""
 
 WRITTEN = re.compile(r"(.*?)(?: \[(.*?)\])?(?: (#?\.\d+\w))?", re.DOTALL)
 
@@ -73,7 +73,7 @@ Columns = Iterable[Column | str]
 
 MODEL = Column("model", form="model")
 FROM_TO = ("from", "to")
-"""Words for the two ends of a range in headings."""
+"""Words for the lower and the upper end of a range in headings."""
 
 
 @dataclass(frozen=True, repr=False)

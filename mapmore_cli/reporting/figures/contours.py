@@ -9,7 +9,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Ends
 
 Outline = tuple[list[float], list[float]]
-"""Corners of a region in their order: their horizontal places, and their heights."""
+"""Corners of a region in the order of its outline: their horizontal and their vertical
+coordinates.
+"""
 
 
 def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Outline]:

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_RECORDINGS, MOST_QUANTITIES = 5, 12
-"""Largest number of panels side by side and below each other; the time to draw them grows with the
-square of their number.
+"""Largest number of recordings (side by side) and of quantities (below each other). The time for
+drawing grows with the square of the number of axes.
 """
 
 

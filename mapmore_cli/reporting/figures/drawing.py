@@ -30,16 +30,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POINTS = 72
-"""Points per inch. Figures have as many dots per inch, so that measured lengths are points."""
+"""Points per inch. Figures have the same number of dots per inch, so that lengths which Matplotlib
+measures in dots are lengths in points.
+"""
 
 DOUBLE = 7.16
 """Width of two columns of a journal page, inches."""
 
 LEGEND_SCALE = 1.4
-"""Ratio of the size of marks in a legend made from the drawing to their size on the axes."""
+"""Size of the markers in a legend relative to their size in the panels, if the legend is made from
+what is drawn.
+"""
 
 BESIDE = 0.5
-"""Width that the labels of the y axis of a panel take, inches."""
+"""Width in inches that the labels of a y axis take."""
 
 Values = Sequence[Any] | np.ndarray
 
@@ -178,7 +182,7 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
 
 
 NARROW = 3.5
-"""Inches of a panel that a screen of 400 pixels shows with letters that can be read."""
+"""Largest width in inches of a panel that is still readable on a screen of 400 pixels."""
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from mapmore_cli.domain.foreign import xml_text
 from mapmore_cli.reporting.figures.colours import hex_of
 
 DASHES = {"-": (), "--": (3.7, 1.6), "-.": (6.4, 1.6, 1, 1.6), ":": (1, 1.65)}
-"""Lengths of dashes and gaps, in widths of their line."""
+"""Lengths of dashes and gaps, as multiples of the width of the line."""
 
 CROSS = "-1,-1 1,1 nan,nan -1,1 1,-1"
 SHAPES = {
@@ -31,7 +31,7 @@ SHAPES = {
     "X": CROSS,
     "P": "-1,0 1,0 nan,nan 0,-1 0,1",
 }
-"""Corners of markers with a radius of one, with gaps between strokes; a circle has none."""
+"""Corners of markers with a radius of one. NaN separates strokes. A circle has no corners."""
 
 ANCHORS = {"left": "start", "center": "middle", "right": "end"}
 

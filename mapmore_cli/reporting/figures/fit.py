@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_TIMED, MOST_LOOPS, MOST_SPANS, MOST_CURVES = 5, 3, 6, 10
-"""Largest numbers of models over time, of recordings and models for loops, of grey regions of a
-curve, and of training curves.
+"""Largest numbers: of models in a figure over time; of recordings, and of models, in a figure of
+loops; of grey regions in a curve; and of training curves in a figure.
 """
 
 

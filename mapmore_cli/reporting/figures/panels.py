@@ -26,17 +26,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_PANELS = 6
-"""Largest number of panels of curves in one figure; more curves are thinned."""
+"""Largest number of panels of curves in one figure. If there are more curves, some are left out."""
 
 DOTS = 200
 POINTS, SKETCHED = 2000, 600
-"""Largest number of dots of a curve, and of points of a line over time, in print and on a page;
-more are thinned.
+"""Largest number of dots for the samples of a curve; and largest number of points of a line over
+time, in figures by Matplotlib (`POINTS`) and in a `Sketch` (`SKETCHED`). If there are more, some
+are left out.
 """
 
 STRETCHES = 150
-"""Number of equal parts of the x axis in which a long line is summarised: with more than four
-samples per part, its mean and range in each part are drawn.
+"""Number of equal parts of the x axis for drawing a long line. If a part has more than four samples
+on average, the mean and the range of the samples in each part are drawn.
 """
 
 PALE = 0.15

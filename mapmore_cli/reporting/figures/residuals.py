@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_INPUTS = 11
-"""Largest number of inputs with a panel; the time to draw them grows with the square of their
-number.
+"""Largest number of inputs that have a panel. The time for drawing grows with the square of the
+number of panels.
 """
 
 

@@ -30,7 +30,7 @@ LOOKS = (
     (style.GREEN, "^", "-."),
     (style.PURPLE, "D", ":"),
 )
-"""Colours, markers and lines that the segments take one after the other."""
+"""Colour, marker and line style of the segments. The fifth segment is drawn like the first."""
 GRID = 401
 
 

@@ -34,8 +34,8 @@ MARGINS = {"x": 0.02, "y": 0.05}
 
 Side = Literal["x", "y"]
 Svg = Callable[[Place, Place], str]
-"""Function that returns the SVG element of something drawn, given the functions that convert data
-along x and y to points.
+"""Function that returns the SVG element of one drawn object. Its two arguments are functions that
+convert x and y from the units of the data to points.
 """
 
 

@@ -17,17 +17,19 @@ from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.table import title_of
 
 POINTS, SCREEN = 72, 1.8
-"""Points per inch, and pixels of a screen for each point: a screen is read from farther away than
-paper.
+"""Points per inch, and pixels of a screen for each point. Figures on a screen are larger than on
+paper, because a screen is read from farther away.
 """
 
 LETTER, WIDE = 0.62, 1.0
-"""Widths of a usual letter, and of the wide letters `mwMW`, as fractions of the font size."""
+"""Width of a letter, and of the wide letters `mwMW`, as fractions of the font size."""
 
 TICK = 2.5
 
 SMALLEST = 9.2
-"""Pixels of the smallest letters on a narrow screen, on which a wide panel is scrolled."""
+"""Size in pixels of the smallest letters on a narrow screen. A panel that would be too wide with
+such letters is scrolled.
+"""
 
 
 def sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure | None:

@@ -108,8 +108,8 @@ ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = (
     "#D55E00",
     "#CC79A7",
 )
-"""Colours of Okabe and Ito, which colour-blind readers can distinguish; their yellow is too pale
-for a line on white.
+"""Colours of Okabe and Ito, which colour-blind readers can distinguish. Their yellow is left out,
+because it is too pale for a line on white.
 """
 
 
@@ -135,8 +135,8 @@ class ModelStyle:
 
 
 OWN_STYLE = ModelStyle(VERMILLION, "-", 1.6, "o", 3.0)
-"""A solid, wide line under the thinner dashed lines of the others, so that both can be seen where
-they coincide.
+"""Style of the run's own model: a solid, wide line under the thinner dashed lines of the other
+models, so that both can be seen if they coincide.
 """
 _OTHERS = (
     ModelStyle(BLUE, (0, (5, 2)), 1.1, "s"),

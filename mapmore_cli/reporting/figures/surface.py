@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CELLS, BISECTIONS = 61, 20
-"""Number of places along each input, and number of bisections that find the edge of the training
-range.
+"""Number of grid points along each input, and number of bisections that find the edge of the
+training range.
 """
 
 
@@ -109,8 +109,8 @@ def sheet_of(inputs: ReportInputs) -> Sheet | None:
 
 
 Beyond = Callable[[Array, Array], BoolArray]
-"""Function that returns True for places outside the training range, given by their horizontal and
-vertical coordinates.
+"""Function of the horizontal and vertical coordinates of points. It returns True for each point
+outside the training range.
 """
 
 

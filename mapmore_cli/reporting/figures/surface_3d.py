@@ -11,9 +11,7 @@ from mapmore_cli.reporting.figures.surface import sheet_of
 from mapmore_cli.reporting.inputs import ReportInputs
 
 STRIDE = 4
-"""Every point of the grid with this distance, counted in points along each input, is a corner of
-the surface.
-"""
+"""The surface is drawn through every fourth point of the grid, along each input."""
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
