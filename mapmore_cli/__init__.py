@@ -1,9 +1,9 @@
-"""MAPMORE: piecewise models of soft actuators from measured curves.
+"""Fit piecewise models of soft actuators to measured curves (the method MAPMORE).
 
 import mapmore_cli as mm
 
-m = mm.fit(frame, target="static", ...)   # the sections of a spec as keyword arguments
-r = mm.run("muscle.yaml")                 # as `mapmore run` does
+m = mm.fit(frame, target="static", ...)   # keyword arguments are the sections of a spec
+r = mm.run("muscle.yaml")                 # the same as `mapmore run muscle.yaml`
 m = mm.load_model("model.h5")
 """
 

@@ -1,5 +1,5 @@
-"""Run `python -m mapmore_cli` and the command `mapmore`. Nothing is imported before Ctrl-C is
-handled.
+"""Start the command line, as `mapmore` or as `python -m mapmore_cli`. The package is imported
+inside of `main`, so that Ctrl-C is handled even while modules are imported.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ program, and scanning them repeatedly would take a tenth of its time.
 
 
 def main() -> None:
-    """Run the command line. If it is interrupted at any time, it ends with exit code 130 and
-    without a traceback.
+    """Run the command line. Ctrl-C ends it at any time with exit code 130 and without a
+    traceback.
     """
     try:
         _hold_standard_streams()
@@ -37,9 +37,9 @@ def main() -> None:
 
 
 def _hold_standard_streams() -> None:
-    """Open a placeholder for each standard stream that is closed. Without it, the next file that is
-    opened would get the number of this stream. Reading stdin and writing stdout then fail, and
-    messages on stderr are lost.
+    """Open the null device in place of each standard stream that is closed. Otherwise, the next
+    file that is opened would get the file descriptor of this stream. With the null device, reading
+    from stdin and writing to stdout fail, and messages on stderr are lost.
     """
     for number, name, way in (
         (0, "stdin", os.O_WRONLY),
@@ -56,5 +56,5 @@ def _hold_standard_streams() -> None:
             setattr(sys, name, stream)
 
 
-if __name__ == "__main__":  # worker processes only import this file
+if __name__ == "__main__":  # this is False in worker processes
     main()

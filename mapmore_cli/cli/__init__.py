@@ -1,3 +1,3 @@
-"""Define the commands: each parses its arguments, calls one function of a lower layer, and prints
-the result.
+"""Define the commands. Each command parses its arguments, calls functions of the other packages,
+which do the work, and prints the result.
 """

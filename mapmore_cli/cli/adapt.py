@@ -1,4 +1,4 @@
-"""Implement `mapmore adapt`, which adapts the model of a family to one specimen."""
+"""Implement `mapmore adapt`, which adapts the model of a family of muscles to one specimen."""
 
 from __future__ import annotations
 
@@ -68,12 +68,12 @@ def adapt(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Adapt the model of a family to a specimen by a few points.
+    """Adapt the model of a family to a specimen with a few measured points.
 
-    The force is multiplied by one factor and the strain by another. Both are expected to be near 1
-    (prior: 1 +- 15 %). The new model has the inputs pressure and strain, and can be used like any
-    other model. Without a TABLE, the new model is computed only from the dimension that --set
-    gives, and its intervals are the intervals of the family.
+    The force is multiplied by one factor and the strain by another. Both factors are expected to be
+    near 1 (prior: 1 +- 15 %). The new model has the inputs pressure and strain, and can be used
+    like any other model. Without a TABLE, the new model is computed only from the dimension that
+    --set gives, and its intervals are the intervals of the family.
     """
     from mapmore_cli.pipeline.adapting import adapt, dimension_of, names_of_points
     from mapmore_cli.storage.artefacts import read_model, write_model
@@ -100,8 +100,8 @@ def adapt(
 
 
 def _view(model: Model, output: Path) -> View:
-    """Return the two fitted scales of an adapted model with their standard errors, and the path of
-    the model.
+    """Return the view of an adapted model: the two fitted factors with their standard errors, and
+    the path of the model.
     """
     from mapmore_cli.reporting.table import Table
 

@@ -1,5 +1,5 @@
-"""Print messages as workflow commands, which GitHub Actions shows beside the lines that they
-concern.
+"""Print messages as workflow commands of GitHub Actions. GitHub then shows each message beside the
+line of the file to which it refers.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ _PROPERTY_ESCAPES = {**_ESCAPES, ":": "%3A", ",": "%2C"}
 
 
 def annotate(kind: Kind, text: str) -> None:
-    """Print a message as annotations on stderr if GitHub Actions runs the command."""
+    """Print a message as annotations on stderr if the command runs in GitHub Actions."""
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in workflow_commands(kind, text):
             print(printable(line), file=sys.stderr)
 
 
 def workflow_commands(kind: Kind, text: str) -> Iterator[str]:
-    """Yield a command of GitHub Actions (an annotation) for each mistake in a message. The indented
-    lines below a mistake belong to the mistake.
+    """Yield an annotation (a workflow command of GitHub Actions) for each mistake in a message. The
+    indented lines below a mistake belong to the mistake.
 
     A mistake that begins with a position in an existing file (`spec.yaml:17:3`, `a.csv:row 17`)
-    gets the properties `file`, `line` and `col`. Paths are relative to the root of the checkout,
-    which is the current folder unless `GITHUB_WORKSPACE` names another.
+    gets the properties `file`, `line` and `col`. The path in `file` is relative to the root of the
+    checkout: the folder in `GITHUB_WORKSPACE`, otherwise the current folder.
     """
     root = os.environ.get("GITHUB_WORKSPACE") or "."
     for mistake in re.split(r"\n+(?=\S)", text):

@@ -1,8 +1,8 @@
-"""Define the command `mapmore`: its subcommands in the order of the work, and the handling of every
-error.
+"""Define the command `mapmore` with its subcommands, and turn every error into a message and an
+exit code.
 
-Nothing large is imported here or in the modules of the commands. Only the module of the requested
-command is imported, and it imports what it needs when it runs.
+To start fast, nothing large is imported here or at the top of the modules of the commands. Only the
+module of the requested command is imported, and its functions import what they need.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ MODULES = {
     **dict.fromkeys(("predict", "invert"), "predict"),
     **{name: name for name in ("adapt", "check", "clean")},
 }
-"""Module of `cli/` with the function of each command, which has the same name. Plugins add others
-(`domain.plugins`).
+"""Module in `cli/` of each command. The function in the module has the name of the command. Plugins
+add further commands (`domain.plugins`).
 """
 
 ORDER = (
@@ -44,7 +44,7 @@ ORDER = (
     *("predict", "adapt", "invert", "freeze", "compare", "export", "figure"),
     *("show", "clean", "init", "example", "check", "schema"),
 )
-"""Order of the work, in which `--help` lists the commands."""
+"""Order in which `--help` lists the commands: the order in which a user needs them."""
 
 REMOVED = {
     "paper": (
@@ -56,7 +56,7 @@ REMOVED = {
         "run `python -m datasets.rig SPEC` in a checkout of the sources",
     ),
 }
-"""Explanation and replacement for commands that no longer exist."""
+"""For each command that no longer exists: an explanation, and what to do instead."""
 
 AS_JSON = "mapmore.json"
 """Key in the context of Typer: True if the command line asks for JSON. Errors are then reported in
@@ -65,7 +65,9 @@ JSON as well.
 
 
 def _function(name: str) -> Callable[..., None]:
-    """Return the function of a command. Raises NotInstalled if its part is missing."""
+    """Return the Python function that executes a command. Raises NotInstalled if the function
+    belongs to a package that cannot be imported.
+    """
     if name in MODULES:
         function: Callable[..., None]
         function = getattr(import_module(f"mapmore_cli.cli.{MODULES[name]}"), name)
@@ -74,8 +76,8 @@ def _function(name: str) -> Callable[..., None]:
 
 
 def _command(name: str, function: Callable[..., None], any_line: bool = False) -> Command:
-    """Return the command that calls a function. With `any_line`, it accepts any arguments, for a
-    command that only reports an error.
+    """Return a command that calls a function. With `any_line`, the command accepts all arguments
+    and options; this is used for commands that only report an error.
     """
     settings = {"ignore_unknown_options": any_line, "allow_extra_args": any_line}
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
@@ -84,10 +86,10 @@ def _command(name: str, function: Callable[..., None], any_line: bool = False) -
 
 
 def _absent(name: str, fault: UsageError) -> Command:
-    """Return a command that only reports why the command `name` is not installed."""
+    """Return a command that only reports the error `fault`, for a command that is not available."""
 
     def absent() -> None:
-        """Report that this command is not installed."""
+        """Report why this command is not available."""
         raise fault
 
     return _command(name, absent, any_line=True)
@@ -100,8 +102,8 @@ class Commands(TyperGroup):
     """
 
     def list_commands(self, ctx: Context) -> list[str]:  # noqa: ARG002 - as click calls it
-        """Return the names of all commands, in the order of the work."""
-        # installed commands are looked up late, because `--no-plugins` may exclude them
+        """Return the names of all commands, in the order in which a user usually needs them."""
+        # commands of plugins are looked up only here, because `--no-plugins` may exclude them
         if not self.commands:
             added = plugins.entry_points("commands")
             for name in added.keys() & MODULES.keys():
@@ -114,7 +116,9 @@ class Commands(TyperGroup):
         return [*self.commands]
 
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
-        """Return a command, which is built at the first request; None for an unknown name."""
+        """Return the command with this name, or None for an unknown name. A command is built when
+        it is requested for the first time.
+        """
         if cmd_name in REMOVED:
             return _absent(cmd_name, UsageError(*REMOVED[cmd_name]))
         self.list_commands(ctx)
@@ -157,7 +161,7 @@ class Commands(TyperGroup):
             sys.stdout.flush()
         except typers_own:
             raise
-        # a plugin may raise anything, also SystemExit
+        # a plugin may raise any exception, even SystemExit
         except BaseException as error:
             raise typer.Exit(
                 console.settle(error, debug=ctx.params["debug"], as_json=ctx.meta[AS_JSON])
@@ -248,11 +252,11 @@ def main() -> None:
     cast(io.TextIOWrapper, sys.stdout).reconfigure(errors="replace")
     try:
         app(prog_name="mapmore")
-    # errors outside of commands, for example while --help is printed
+    # errors that occur outside of a command, for example while --help is printed
     except (OSError, MemoryError) as error:
         sys.exit(console.settle(error, debug=False, as_json=False))
     finally:
-        # plugins may still print at exit
+        # plugins may still print at exit: from here on, their output goes to stderr
         with suppress(OSError, ValueError):
             sys.stdout.flush()
             os.dup2(2, 1)

@@ -1,4 +1,6 @@
-"""Implement `mapmore check`, which tests whether a spec is valid and whether its data suit it."""
+"""Implement `mapmore check`, which tests whether a spec is valid and whether its data are
+suitable.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +66,7 @@ def check(
             inspection = _inspected(loaded, runs, reporter)
             view = of_inspection(inspection, loaded.spec.unconfirmed)
             print_view(view.under({"name": loaded.spec.name}), as_json)
-            # with `--json`, the issues are a part of the printed document
+            # the error is not raised: with `--json`, it would be printed as a second document
             if inspection.verdict is not None:
                 print(message(inspection.verdict), file=sys.stderr)
                 raise Exit(exit_code(inspection.verdict))
@@ -83,8 +85,8 @@ def check(
 def _inspected(
     loaded: LoadedSpec, runs: Path, reporter: Reporter, before: Inspection | None = None
 ) -> Inspection:
-    """Inspect a spec and its data, and annotate the issues. The data of the inspection `before` are
-    used again if the same files are read in the same way.
+    """Inspect a spec and its data, and print the issues as annotations for GitHub Actions. If the
+    inspection `before` has read the same files in the same way, its data are used again.
     """
     from mapmore_cli.pipeline.inspection import inspect
 

@@ -1,4 +1,4 @@
-"""Implement `mapmore clean`, which removes the runs that no spec names."""
+"""Implement `mapmore clean`, which removes the runs that belong to none of the given specs."""
 
 from __future__ import annotations
 
@@ -64,8 +64,11 @@ def clean(
 
 
 def _unnamed(runs: Path, names: set[str]) -> list[Path]:
-    """Return the folders of runs (not links) to which none of the names refers. Names are compared
-    by the rules of the file system, which may ignore capitals.
+    """Return the folders in `runs` that contain a run whose name is not in `names`. Links are left
+    out.
+
+    Folders are compared by their identity and not by their names, because the file system may treat
+    capital and small letters as equal.
     """
     from mapmore_cli.storage.run_record import load_origin
 
@@ -78,7 +81,9 @@ def _unnamed(runs: Path, names: set[str]) -> list[Path]:
 
 
 def _identity(place: Path) -> tuple[int, int]:
-    """Return a value that identifies a folder, however its name is written."""
+    """Return the device number and the inode number of a folder. They are equal for two paths to
+    the same folder.
+    """
     state = place.stat()
     return state.st_dev, state.st_ino
 
@@ -86,8 +91,8 @@ def _identity(place: Path) -> tuple[int, int]:
 def _view(
     gone: dict[Path, tuple[str, ...]], kept: dict[Path, tuple[str, ...]], yes: bool, where: str
 ) -> View:
-    """Return the result of the command: the runs that were or would be removed, and the reasons why
-    others are kept.
+    """Return the view of the command: the runs that were removed or would be removed, and the
+    reasons why other runs are kept.
     """
     files = [str(folder / path) for folder, paths in gone.items() for path in paths]
     runs = f"{len(gone)} run{'s' if len(gone) != 1 else ''}"

@@ -134,11 +134,12 @@ def compare(
 def _of_models(
     names: Sequence[str], paths: Sequence[Path], margin: float, other_settings: bool
 ) -> tuple[dict[str, Comparison], View]:
-    """Return the comparison of the first model with the last one. The result is a mapping, in which
-    the key of the comparison is the name of the last model. With several outputs, the mapping has a
-    comparison for each output, with the name of the output as its key.
+    """Compare the first model with each later model. Return two results. The first is a dictionary
+    that holds the comparison with the last model under the name of this model. The second is the
+    view that the command prints.
 
-    Raises UsageError for more than two models of several outputs.
+    If the models have several outputs, the dictionary holds a comparison for each output, under the
+    name of the output. Raises UsageError for more than two models with several outputs.
     """
     from mapmore_cli.cli.compared import of_campaigns, of_comparisons
     from mapmore_cli.pipeline.archive import compared
@@ -158,7 +159,9 @@ def _of_models(
 
 
 def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
-    """Draw the drift over all models, and write the figure."""
+    """Draw how the outputs at reference points change from model to model, and write the figure to
+    a file.
+    """
     from mapmore_cli.modelling.validation.comparison import reference_points
     from mapmore_cli.reporting.figures.commands import drift_drawing
     from mapmore_cli.storage.artefacts import read_model
@@ -168,8 +171,9 @@ def _draw(names: Sequence[str], models: Sequence[Path], figure: Path) -> None:
 
 
 def _limit(fail_on: str | None) -> float | None:
-    """Return the relative change from which on the command fails. Return None if no limit was
-    requested, or if the request is the word `changed`.
+    """Return the limit that the option --fail-on gives: the command fails if the relative change is
+    larger. Return None without this option, or if it is `changed`. Raises UsageError for any other
+    text that is not a number of at least zero.
     """
     if fail_on in (None, "changed"):
         return None

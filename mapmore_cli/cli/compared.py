@@ -1,4 +1,4 @@
-"""Show comparisons, searches, and the findings of `mapmore check` and `mapmore plan`."""
+"""Show comparisons of models, searches for a structure, and the findings of `mapmore check`."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ if TYPE_CHECKING:
 
 
 ONE_CURVE = 2 / 3
-"""If one curve has a larger weight than this, the result is mainly about that curve."""
+"""Weight of one curve above which a remark says that the result describes mainly this curve."""
 
 
 def of_comparisons(names: Sequence[str], results: Sequence[Comparison]) -> View:
-    """Return the comparison of the last model with the first, curve by curve; with more than two
-    models, a row for each model. The JSON document also contains the change of every term.
+    """Return the view of a comparison of the last model with the first: a table with a row for each
+    curve, and a sentence with the result. With more than two models, a second table has a row for
+    each later model. The JSON document also contains the change of every term.
     """
     last = results[-1]
     document = {
@@ -53,8 +54,9 @@ ANSWER = (
 def of_campaigns(
     names: Sequence[str], results: Mapping[str, Comparison], what: str = "runs"
 ) -> View:
-    """Return the comparison of every run of a campaign with the same run of an earlier campaign, or
-    of every output of a model with an earlier model.
+    """Return the view of several comparisons, with a row for each. If `what` is `runs`, every run
+    of a campaign is compared with the same run of an earlier campaign. If `what` is `outputs`,
+    every output of a model is compared with the same output of an earlier model.
     """
     runs = [{"run": run, **members(result, *ANSWER)} for run, result in results.items()]
     counts = Counter(result.answer for result in results.values())
@@ -67,8 +69,9 @@ def of_campaigns(
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:
     """Return a sentence that says that the model has changed, that it has not changed, or that the
-    data cannot show a change. The sentence contains the numbers of the test, and the place of the
-    largest change.
+    data cannot show a change. The sentence contains the ratio of the outputs with its 95 %
+    interval. If the model has changed, the sentence also says at which inputs the change is
+    largest.
     """
     low, high = comparison.interval
     margin = f"{100 * comparison.margin:g} %"
@@ -103,7 +106,9 @@ def _verdict(before: str, after: str, comparison: Comparison) -> str:
 
 
 def _cautions(comparison: Comparison) -> list[str]:
-    """Return warnings about the interval of a comparison."""
+    """Return remarks about a comparison: the settings of the models differ, the result depends
+    mainly on one curve, or a model had to be interpolated between its levels.
+    """
     heaviest = max(comparison.curves, key=lambda curve: curve.weight)
     notes = list(_of_settings(comparison))
     if heaviest.weight > ONE_CURVE:
@@ -120,13 +125,17 @@ def _cautions(comparison: Comparison) -> list[str]:
 
 
 def _of_settings(comparison: Comparison) -> Iterator[str]:
-    """Yield the differences in how the two models were made."""
+    """Yield one sentence that lists the settings in which the two models differ. Yield nothing if
+    all settings are equal.
+    """
     if comparison.settings:
         yield f"The settings differ: {'; '.join(comparison.settings)}."
 
 
 def search_document(search: Search) -> Document:
-    """Return the structures that a search tried, and its choice, as a JSON document."""
+    """Return a search as a JSON document: the structures that it tried, and the structure that it
+    chose.
+    """
     keys = ("family", "structure=words", "sections", "parameters", "error")
     errors = ("standard_error=spread", "above_best=excess", "parts_error=parts", "seconds")
     tried = [
@@ -141,8 +150,8 @@ def search_document(search: Search) -> Document:
 
 
 def of_inspection(inspection: Inspection, unconfirmed: Sequence[str]) -> View:
-    """Return the curves if there are any, then the issues with their remedies, the worst first, and
-    the guesses that nobody has confirmed.
+    """Return the view of an inspection: the curves if the data could be read, then the issues with
+    their remedies, the worst first, then the guesses in the spec that nobody has confirmed.
     """
     view = View({}) if inspection.dataset is None else of_dataset(inspection.dataset)
     lines = [*view.lines, *_issue_lines(inspection.issues)]
@@ -154,7 +163,9 @@ def of_inspection(inspection: Inspection, unconfirmed: Sequence[str]) -> View:
 
 
 def of_campaign(results: Mapping[str, Inspection | MapmoreError]) -> View:
-    """Return the issues of every run, or the reason why a run could not be checked."""
+    """Return the view of the inspected runs of a campaign: the issues of every run, or the reason
+    why the run could not be checked.
+    """
     document: Document = {}
     lines: list[str] = []
     for run, result in results.items():

@@ -1,5 +1,5 @@
-"""Provide what commands share: results on stdout as tables or as one JSON document, files, errors
-with their exit codes, and options.
+"""Provide functions that several commands use: declare options, print a result as tables or as one
+JSON document, write files, and report errors with their exit codes.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ if TYPE_CHECKING:
 
 
 def refuse_outputs(named: Path | list[Path] | None) -> Path | list[Path] | None:
-    """Refuse the outputs that an option names, before the command computes, if they cannot be
-    written (`storage.outputs.refuse_early`).
+    """Raise WriteError before the command computes if a file cannot be written
+    (`storage.outputs.refuse_early`). `named` is the path, or the list of paths, that the user gave
+    with an option.
     """
     from mapmore_cli.storage.outputs import refuse_early
 
@@ -55,8 +56,9 @@ def refuse_outputs(named: Path | list[Path] | None) -> Path | list[Path] | None:
 
 
 def output_option(help: str, *names: str) -> Any:
-    """Return the option for a file that a command writes, `--output` if it has no other name. A
-    file that cannot be written is refused before the command computes.
+    """Return a Typer option for a file that a command writes. The option is called `--output`
+    unless other `names` are given. If the file cannot be written, the command ends with an error
+    before it computes.
     """
     names = names or ("--output", "-o")
     return Option(*names, metavar="FILE", callback=refuse_outputs, help=help)
@@ -122,7 +124,9 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True)
 class View:
-    """A result as the contents of one JSON document, as tables, and as closing lines for people."""
+    """Result of a command: the contents of the JSON document, and the tables and closing lines that
+    are printed for people without `--json`.
+    """
 
     document: Mapping[str, Any]
     tables: tuple[Table, ...] = ()
@@ -134,14 +138,16 @@ class View:
 
 
 def members(of: object, *names: str) -> Document:
-    """Return attributes of an object by their names. `key=attribute` returns an attribute under the
-    name `key`.
+    """Return attributes of an object as a dictionary. The name `curves` gives the entry `{"curves":
+    of.curves}`, and `key=curves` gives `{"key": of.curves}`.
     """
     return {(parts := name.split("="))[0]: getattr(of, parts[-1]) for name in names}
 
 
 def print_view(view: View, as_json: bool) -> None:
-    """Print a result as one JSON document, or as its tables with a blank line between."""
+    """Print a result as one JSON document, or as its tables and lines with a blank line between
+    them.
+    """
     if as_json:
         print_document(view.document)
         return
@@ -163,8 +169,9 @@ _documents: ContextVar[TextIO | None] = ContextVar("_documents", default=None)
 
 @contextmanager
 def documents_alone() -> Iterator[None]:
-    """Keep stdout for JSON documents, which are printed at the end of the context: everything that
-    a plugin prints within it goes to stderr.
+    """Reserve stdout for JSON documents. Within this context, everything that a plugin prints goes
+    to stderr, and `print_document` only collects the documents. When the context ends, they are
+    printed on stdout.
     """
     documents = StringIO()
     token = _documents.set(documents)
@@ -177,14 +184,14 @@ def documents_alone() -> Iterator[None]:
 
 
 def _as_json(value: object) -> object:
-    """Convert a document to JSON types: records become objects, arrays and tuples become lists, and
-    non-finite numbers None.
+    """Convert a document to JSON types: dataclasses become objects, arrays and tuples become lists,
+    and NaN and infinities become None.
     """
     if is_dataclass(value):
         value = {field.name: getattr(value, field.name) for field in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): _as_json(item) for key, item in value.items()}
-    # this is a NumPy value; NumPy is not imported for documents without arrays
+    # only NumPy values have `tolist`; this test works without an import of NumPy, which is slow
     if hasattr(value, "tolist"):
         return _as_json(value.tolist())
     if isinstance(value, (list, tuple)):
@@ -198,18 +205,21 @@ FIGURE_FILES, TABLE_FILES = ("svg", "pdf", "png", "pgf"), ("csv", "tex")
 
 
 def folder_of(run: Path, runs: Path) -> Path:
-    """Return the folder of a run from its name or its path.
+    """Return the folder of a run. `run` is the name of the run in `runs`, or a path.
 
-    A run with this name is preferred to a folder with the same name, which may be the folder of its
-    study.
+    If both exist, the name is used, because the folder with the same path may contain the study and
+    not the run.
     """
     named = runs / run
     return run if run.is_dir() and not named.is_dir() else named
 
 
 def spec_of(config: Path, overrides: list[str], runs: Path) -> tuple[Path, list[str]]:
-    """Return the path of a spec and its settings. `config` is the path of the spec, or the name or
-    the folder of a run. For a run, its spec is returned, and its settings before the `overrides`.
+    """Return the path of a spec, and the settings that replace its values.
+
+    `config` is the path of a spec, or the name or the folder of a run. For a run, return the spec
+    from which it was made; the settings with which it was made come first, and the `overrides`
+    follow.
     """
     from mapmore_cli.storage.run_record import load_origin
 
@@ -226,8 +236,8 @@ def refuse_endings(
     endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES),
     what: str = "figures and tables cannot have this file ending",
 ) -> None:
-    """Raise UsageError for a file whose ending is not among the `endings`, before anything is
-    computed; `what` is the reason.
+    """Raise UsageError for a path whose file ending is not one of the `endings`. The text `what`
+    says in the message what is wrong.
     """
     for path in paths:
         if path.suffix.removeprefix(".") not in endings:
@@ -235,7 +245,9 @@ def refuse_endings(
 
 
 def write_figure(path: Path, drawing: Drawing) -> None:
-    """Write a figure in the format that the ending of the path names."""
+    """Write a figure to a file. The format follows from the ending of the path, for example
+    `.pdf`.
+    """
     from mapmore_cli.reporting.figures.drawing import compose, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
     from mapmore_cli.storage.outputs import write_bytes
@@ -253,7 +265,9 @@ def write_ci_files(
     ended: Mapping[str, Finished | BaseException],
     tables: Sequence[Table] = (),
 ) -> None:
-    """Write a JUnit file and a Markdown summary of how runs ended, if they are requested."""
+    """Write a JUnit file and a Markdown summary of several runs, if these files are requested.
+    `ended` holds the result of each run by the name of the run, or the error with which it ended.
+    """
     if junit is None and summary is None:
         return
     from mapmore_cli.reporting.ci import RunReport, to_junit, to_summary
@@ -292,8 +306,8 @@ _STDOUT = {
 
 
 def settle(error: BaseException, debug: bool, as_json: bool) -> int:
-    """Print what went wrong on stderr, and return the exit code. The traceback is printed with
-    `--debug` only.
+    """Print the message of an error on stderr, and return the exit code. The traceback is printed
+    only with `--debug`. A broken pipe is not reported.
 
     With `--json`, the error is also printed on stdout, as a document. There are two exceptions:
     Ctrl-C, and limits that were missed, because the result on stdout already names these limits.
@@ -313,13 +327,13 @@ def settle(error: BaseException, debug: bool, as_json: bool) -> int:
         try:
             print_document({"error": error_document(error)})
             sys.stdout.flush()
-        except OSError:  # nobody reads stdout; stderr and the exit code report the error
+        except OSError:  # stdout cannot be written; stderr and the exit code still report the error
             _silence_stdout()
     return exit_code(error)
 
 
 def error_document(error: BaseException) -> dict[str, object]:
-    """Return an error as a part of a JSON document."""
+    """Return an error as a dictionary for a JSON document: its message, remedy and exit code."""
     error = explained(error)
     if isinstance(error, MapmoreError):
         return {"message": error.message, "remedy": error.remedy, "exit_code": error.exit_code}
@@ -337,7 +351,9 @@ def exit_code(error: BaseException) -> int:
 
 
 def message(error: BaseException) -> str:
-    """Return the message for the user. An internal fault is a single line."""
+    """Return the message of an error for the user. For an unexpected exception inside of mapmore,
+    it is a single line without a traceback.
+    """
     error = explained(error)
     if isinstance(error, KeyboardInterrupt):
         return str(error) or "interrupted"
@@ -351,7 +367,7 @@ def message(error: BaseException) -> str:
 
 
 def _silence_stdout() -> None:
-    """Redirect stdout to nothing, because Python would complain at exit that it cannot flush the
-    rest.
+    """Redirect stdout to the null device. Otherwise, Python would complain at exit that it cannot
+    flush the rest of the output.
     """
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,5 +1,5 @@
-"""Implement `mapmore show`, `schema`, `figure` and `example`, which show parts of a run or of the
-package.
+"""Implement `mapmore show`, `figure`, `schema` and `example`: print a result file, draw a figure of
+a run, print the schema of the spec, and copy an example study.
 """
 
 from __future__ import annotations
@@ -181,7 +181,8 @@ def figure(
         refuse_early(out, chosen)
     wanted = [model.strip() for model in (models or "").split(",") if model.strip()]
     folder = folder_of(run, runs)
-    load_records(folder)  # the sources of the run count as files that this command reads
+    # this marks the source files of the run as read, so that the figure cannot replace them
+    load_records(folder)
     with Reporter(quiet) as reporter:
         drawn, numbers = drawn_figure(folder, name, curve, suffix, reporter.warn, looks, wanted)
     if chosen:

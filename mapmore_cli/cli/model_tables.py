@@ -29,9 +29,15 @@ def lines_for(
     options: TableOptions,
     reporter: Reporter,
 ) -> tuple[Iterator[str], str]:
-    """Return the lines of a table in the names and units of the model, and the name of the table
-    in messages. Each element of `ways` is a set of columns with which the model can be evaluated.
-    The lines have the columns of the first of these sets that the table contains.
+    """Open a table of inputs for a model. Return its lines as CSV, and the name by which messages
+    call the table.
+
+    If the table is no plain CSV, or if there are `options`, the table is converted to the names and
+    units of the model. Each element of `ways` is a list of columns with which the model can be
+    evaluated; the converted table has the columns of the first of these lists that the table
+    contains completely.
+
+    Raises UsageError for options in combination with stdin.
     """
     from mapmore_cli.pipeline.foreign import foreign_lines, is_foreign, units_of
 
@@ -41,7 +47,7 @@ def lines_for(
             "other tables cannot be used",
             "write the table to a file, and give the path of the file",
         )
-    # the prediction for a foreign table lacks some of its columns, so it must not replace the table
+    # the output has fewer columns than this table, so it must not replace the table
     if table != STANDARD and is_foreign(table, options):
         note_read([table])
         lines = foreign_lines(table, options, ways, units_of(model, ways), reporter.warn)
@@ -52,14 +58,16 @@ def lines_for(
 
 
 def _open_table(table: Path, progress: Callable[[int, int], None]) -> tuple[Iterator[str], str]:
-    """Return the lines of a table or of stdin, and the name of the table in messages."""
+    """Open a table, or stdin if the path is `-`. Return the lines, and the name by which messages
+    call the table. Raises UsageError if stdin cannot be read.
+    """
     from mapmore_cli.storage.tables.lines import as_text, lines_of
 
     if table != STANDARD:
         return lines_of(table, progress), str(table)
     try:
         os.read(0, 0)
-    except OSError as fault:  # stdin may be closed, or be a folder
+    except OSError as fault:  # stdin may be closed, or it may be a folder
         raise UsageError(
             f"stdin: cannot be read ({os.strerror(fault.errno or 0)})",
             "pipe a table into it, or name a file",
@@ -68,8 +76,8 @@ def _open_table(table: Path, progress: Callable[[int, int], None]) -> tuple[Iter
 
 
 def constants_of(model: Model, settings: Sequence[str]) -> dict[str, float]:
-    """Return the inputs that `--set` gives, in the units of the model. Raises UsageError for an
-    unknown input or a value that is no number.
+    """Return the values of inputs that `--set` gives, by name, in the units of the model. Raises
+    UsageError for an unknown input, or for a text that is no number with a suitable unit.
     """
     from mapmore_cli.study.units import parse_quantity
 

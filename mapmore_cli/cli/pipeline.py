@@ -1,5 +1,5 @@
-"""Implement `ingest`, `segment`, `fit`, `fuse`, `validate`, `report`, and `run`, which does all of
-these. As `make` does, the commands repeat only stages that are not up to date.
+"""Implement `ingest`, `segment`, `fit`, `fuse`, `validate`, `report`, and `run`, which runs all of
+these stages. Like `make`, the commands repeat only stages that are not up to date.
 """
 
 from __future__ import annotations
@@ -116,7 +116,9 @@ def _of_reasons(name: str, reasons: dict[str, str | None]) -> View:
 def _of_outcome(
     outcome: RunOutcome, command: str, finished: Finished | None, questions: tuple[str, ...]
 ) -> View:
-    """Return the scores of a completed run, and otherwise the result of its last stage."""
+    """Return the view that a command prints: the scores for `validate` and `run`, otherwise the
+    result of the stage of the command.
+    """
     from mapmore_cli.cli.compared import search_document
     from mapmore_cli.cli.views import of_scores, of_stage, page_lines, verdict_lines
     from mapmore_cli.storage.run_folder import RunFiles
@@ -158,7 +160,9 @@ PrintSpec = Annotated[
 
 
 def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
-    """Return the overrides of the spec, extended by the overrides that --figures stands for."""
+    """Return the overrides of the spec. If the option --figures is given, also set the keys
+    `report.figures` and `report.formats` accordingly.
+    """
     from mapmore_cli.reporting.order import FIGURES
 
     if figures is None:
@@ -169,7 +173,9 @@ def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
 
 
 def _stage(name: str, about: str) -> Callable[..., None]:
-    """Return a command that brings a run up to date as far as one stage. `about` is its help."""
+    """Return the command of one stage. It runs this stage and all earlier stages that are not up to
+    date. `about` is the help text of the command.
+    """
 
     def bring(
         config: Config,

@@ -155,8 +155,8 @@ def predict(
 
 
 def _lines_of_grid(grid: str, model: Model, constants: Mapping[str, float]) -> Iterator[str]:
-    """Return a table of all combinations of the inputs on a grid. An input that `constants` gives
-    has one value in the grid. Raises UsageError for a model with memory.
+    """Return the lines of a table with all combinations of the input values on a grid. An input in
+    `constants` has the same value in all rows. Raises UsageError for a model with memory.
     """
     from mapmore_cli.modelling.kinds import runs_over_time
     from mapmore_cli.pipeline.records import grid_lines
@@ -210,9 +210,10 @@ def invert(
     input).
 
     Solutions are searched between the smallest and the largest value of the input in the training
-    data. A solution can still lie beyond the end of the curve at the other inputs: `predict` says
-    so (outside_range). The status flat means that all inputs of a range give the same output, for
-    example when a muscle is slack; the lower end of the range is then returned.
+    data. For some values of the other inputs, a solution can still lie outside the training range;
+    `predict` then writes true in the column outside_range. The status flat means
+    that all inputs of a range give the same output, for example when a muscle is slack; the lower
+    end of the range is then returned.
     """
     from mapmore_cli.pipeline.foreign import columns_of
     from mapmore_cli.pipeline.predict import inverted_lines

@@ -1,4 +1,4 @@
-"""Report on stderr while a command works: stages, progress, warnings."""
+"""Print messages on stderr while a command works: its stages, its progress and warnings."""
 
 from __future__ import annotations
 
@@ -20,30 +20,31 @@ if TYPE_CHECKING:
     from mapmore_cli.pipeline.runner import Listeners
 
 PATIENCE = 1.0
-"""Seconds after which work shows its progress."""
+"""Time in seconds after which the progress of work is shown."""
 
 SOME_RUNS = 3
-"""Largest number of runs that are named with a warning."""
+"""Largest number of runs whose names are printed with a warning."""
 
 MOST_OF_A_KIND = 10
-"""Largest number of printed warnings that differ only in words with a digit."""
+"""Largest number of printed warnings that are equal without the words that contain a digit."""
 
 LINE_EVERY = 5.0
 """Seconds between two lines of progress if stderr is no terminal."""
 
 
 def _kind(message: str) -> str:
-    """Return a message without the words that contain a digit, such as names of files and numbers,
-    so that messages of one kind are equal.
+    """Return a message without the words that contain a digit, such as numbers and names of files.
+    Messages that differ only in such words then become equal.
     """
     return re.sub(r"\S*\d\S*", "", message)
 
 
 class Reporter:
-    """Messages of a command on stderr, suppressed by `quiet`; use it as a context manager.
+    """Printer of the messages of a command on stderr. Use it as a context manager, because warnings
+    are printed at its end. If `quiet` is True, only errors are printed.
 
-    If stderr is a terminal, progress is shown as a bar, and otherwise as lines. A bar or a line
-    appears only after `PATIENCE` seconds.
+    On a terminal, progress is shown as a bar, otherwise as lines. Work that takes less than
+    `PATIENCE` seconds shows no progress.
     """
 
     def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
@@ -52,8 +53,8 @@ class Reporter:
         self._quiet = quiet
         self._verbose = verbose
         self._bar: Progress | None = None
-        self._task = ""  # the work in progress
-        self._due = 0.0  # time of the next message about it
+        self._task = ""  # name of the work in progress
+        self._due = 0.0  # time at which its progress is shown next, in seconds of `time.monotonic`
         self._stage: tuple[str, float] | None = None
         self._cleanup = ExitStack()
         self._warnings: dict[str, list[str]] = {}
@@ -87,8 +88,8 @@ class Reporter:
             self.complain(message)
 
     def warn(self, message: str) -> None:
-        """Keep a warning until the end of the work. It is then printed once, with the runs that it
-        concerns.
+        """Collect a warning. When the command ends, the warning is printed once, with the names of
+        the runs that it concerns.
         """
         run, text = (
             (message.run, message.message) if isinstance(message, RunWarning) else ("", message)
@@ -116,18 +117,22 @@ class Reporter:
                 self.say(f"warning: {more} more warnings like this one, {counts[kind]} in all")
 
     def complain(self, message: str) -> None:
-        """Print an error, which `quiet` does not suppress."""
+        """Print a message, for example an error, even if `quiet` is set."""
         self._end_task()
         print(printable(message), file=sys.stderr)
 
     def stage(self, name: str, reason: str | None) -> None:
-        """Print why a stage runs, or that it is up to date."""
+        """Print the `reason` why a stage runs, or that the stage is up to date if `reason` is
+        None.
+        """
         self._end_stage()
         self.say(f"{name}: {'up to date' if reason is None else f'runs ({reason})'}")
         self._stage = None if reason is None else (name, time.monotonic())
 
     def progress(self, what: str, done: int, total: int) -> None:
-        """Show the progress of long work (a `fitting.stage.Progress`)."""
+        """Show that `done` of `total` steps of long work are done. `what` names the work. The
+        function has the type `fitting.stage.Progress`.
+        """
         if self._quiet:
             return
         now = time.monotonic()

@@ -66,7 +66,7 @@ def table_options(
         name: int(title) if title.isascii() and title.isdigit() else title
         for name, title in _pairs("--columns", columns)
     }
-    # units contain no commas, so several may follow one `--units`
+    # units contain no commas, so one `--units` may hold several pairs, separated by commas
     each = [part for text in units for part in text.split(",")]
     return TableOptions(settings, titles, dict(_pairs("--units", each)))
 
@@ -90,9 +90,9 @@ BY_OPTIONS = (
 
 @contextmanager
 def remedies_by_options(table: Path | None) -> Iterator[None]:
-    """Add a line to the remedy of an error in a table. The line says which options replace the
-    keys of a spec. An error of the model is unchanged, and so is an error in stdin, for which there
-    are no such options.
+    """If reading the table fails, add a line to the remedy of the error. The line says which
+    options replace the keys of a spec. No line is added for errors of the model or of stdin,
+    because these options do not apply to them.
     """
     try:
         yield

@@ -1,5 +1,5 @@
-"""Show the results of a run (its folder, its files, the results of a stage) as a JSON document and
-as tables.
+"""Show results as a JSON document and as tables: a whole run, one of its files, or one of its
+stages.
 """
 
 from __future__ import annotations
@@ -57,10 +57,11 @@ if TYPE_CHECKING:
 
 
 def of_file(path: Path, warn: Warn, unverified: bool) -> View:
-    """Return the contents of a result file or a run folder. Raises DataError if it is neither.
+    """Return the view of a result file or a run folder. Raises DataError for any other file or
+    folder.
 
-    `warn` is called if nothing proves that a file is unchanged. A file that has been changed is
-    read only if `unverified` is True.
+    `warn` is called if no checksum proves that the file is unchanged. A file whose checksum is
+    wrong is read only if `unverified` is True, otherwise DataError is raised.
     """
     if path.is_dir():
         return _of_run(path)
@@ -73,7 +74,7 @@ def of_file(path: Path, warn: Warn, unverified: bool) -> View:
 
 
 def of_stage(stage: str, run_dir: Path) -> View:
-    """Return the results of one stage of a run, as its command prints them."""
+    """Return the view of one stage of a run, which the command of this stage prints."""
     if stage in RESULTS:
         return _of_hdf5(run_dir / RESULTS[stage])
     paths = sorted((run_dir / RUN_PAGE).parent.rglob("*"))
@@ -82,7 +83,9 @@ def of_stage(stage: str, run_dir: Path) -> View:
 
 
 def _of_run(run_dir: Path) -> View:
-    """Return the view of a run: why each stage ran, and its scores."""
+    """Return the view of a run: its stages with the reason why each of them ran, and its scores.
+    Raises DataError for a folder without `run.json`.
+    """
     record = run_dir / "run.json"
     if not record.is_file():
         raise DataError(
@@ -102,8 +105,8 @@ def _of_run(run_dir: Path) -> View:
 
 
 def _stale(run_dir: Path) -> dict[str, str]:
-    """Return the stages of a run whose results are older than their sources, each with a
-    warning.
+    """Return a warning for each stage of a run that is out of date, because an earlier stage was
+    repeated later. The keys are the names of the stages.
     """
     return {
         name: (
@@ -115,8 +118,9 @@ def _stale(run_dir: Path) -> dict[str, str]:
 
 
 def verdict_lines(run_dir: Path) -> tuple[str, ...]:
-    """Return lines that compare the model of a run with its competitors, and the pieces of
-    the model with their backbone.
+    """Return a sentence for each output that compares the error of the run's own model with the
+    errors of its competitors. If the model is a formula (the backbone) with pieces, add a sentence
+    that compares it with the formula alone.
     """
     files = RunFiles(run_dir)
     table, data, body = files.scores(), files.dataset(), files.model().body
@@ -138,7 +142,9 @@ def verdict_lines(run_dir: Path) -> tuple[str, ...]:
 
 
 def page_lines(run_dir: Path) -> tuple[str, ...]:
-    """Return lines for people that say where the page is; nothing if the spec asks for no page."""
+    """Return a line with the path of the page of a run. Return an empty tuple if there is no
+    page.
+    """
     page = run_dir / RUN_PAGE
     return (f"page: {page}",) if page.is_file() else ()
 
@@ -156,8 +162,9 @@ def _of_hdf5(path: Path, warn: Warn = lambda _message: None, unverified: bool = 
 
 
 def _of_json(path: Path) -> View:
-    """Return `scores.json` or `run.json` unchanged; the table holds the part of it that fits on a
-    screen.
+    """Return the view of `scores.json` or `run.json`. The JSON document has the complete contents
+    of the file; the table shows only the most important columns. Raises DataError for any other
+    file.
     """
     remedy = "give a file that mapmore wrote"
     try:
@@ -182,8 +189,9 @@ def _of_json(path: Path) -> View:
 
 
 def of_scores(table: ScoreTable, published: Published | None = None) -> View:
-    """Return the scores as a view. Its document holds the rows of all curves. Its tables hold the
-    pooled rows, beside the numbers of a publication.
+    """Return the view of the scores. The JSON document contains the scores of every single curve
+    and of all curves together. The tables contain only the scores of all curves together, beside
+    the numbers of a publication.
     """
     rows = [score_row(score) for score in table.scores]
     pooled = (
@@ -193,8 +201,8 @@ def of_scores(table: ScoreTable, published: Published | None = None) -> View:
 
 
 def _of_validation(validation: Validation) -> View:
-    """Return the pooled scores, the scores by curve, and the formulas that were fitted as
-    competitors.
+    """Return the view of a validation: the scores of all curves together, the scores of every
+    single curve, and the formulas that were fitted as competitors.
     """
     if validation.others:
         views = map(_of_validation, validation.each)
@@ -217,8 +225,8 @@ def _of_validation(validation: Validation) -> View:
 
 
 def of_dataset(dataset: Dataset) -> View:
-    """Return the kept and dropped rows of every recording, and the training and validation samples
-    of the curves.
+    """Return the view of a dataset: the numbers of kept and dropped rows of every recording, and
+    the numbers of training and held-out samples of every curve.
     """
     curves = [
         {**members(curve, "id", "level", "recordings"), **sample_counts(curve)}
@@ -235,7 +243,7 @@ def of_dataset(dataset: Dataset) -> View:
 
 
 def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
-    """Return the range of every segment, and its number of samples."""
+    """Return the view of a segmentation: the range and the number of samples of every segment."""
     names = list(dict.fromkeys(name for curve in curves for name in curve.variables))
     columns = ("segment", "samples", *(f"{name} {end}" for name in names for end in FROM_TO))
     documents: list[Document] = []
@@ -260,8 +268,8 @@ def _of_segmentation(curves: Sequence[SegmentedCurve]) -> View:
 
 
 def _of_fit(result: FitResult) -> View:
-    """Return the segments, or the model with memory, with their terms in the order of selection;
-    theta is in scaled coordinates.
+    """Return the view of a fit: the segments, or the model with memory, with the terms in the order
+    of their selection. The coefficients `theta` belong to scaled inputs and outputs.
     """
     if isinstance(result.body, OutputsFit):
         whole, every = _of_outputs(result.body.fits, map(_of_fit, result.each))
@@ -294,7 +302,9 @@ def _of_fit(result: FitResult) -> View:
 
 
 def _of_outputs(names: Iterable[str], views: Iterable[View]) -> tuple[Document, tuple[Table, ...]]:
-    """Return the documents of all outputs by name, and their tables, titled with these names."""
+    """Combine the views of several outputs. Return one JSON document that contains the documents by
+    the name of the output, and all tables, whose titles begin with the name of the output.
+    """
     own = dict(zip(names, views, strict=True))
     tables = (
         replace(table, title=f"{name}: {table.title}")
@@ -305,13 +315,17 @@ def _of_outputs(names: Iterable[str], views: Iterable[View]) -> tuple[Document, 
 
 
 def _segment(named: SegmentFit | SegmentFunction, numbers: object) -> Document:
-    """Return one segment function; theta is in scaled coordinates."""
+    """Return a segment function as a JSON document. Its coefficients `theta` belong to scaled
+    inputs and outputs.
+    """
     keys = ("theta", "theta_error", "errors_note", "g", "err", "samples", "stop", "condition")
     return {**members(named, "id", "terms", "scaling"), **members(numbers, *keys)}
 
 
 def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
-    """Return the parameters of a formula in a line, and other minima that fit nearly as well."""
+    """Return a line with the parameters of a fitted formula, and a line for each other local
+    minimum of the error that is nearly as good. Return an empty tuple without a formula.
+    """
     from mapmore_cli.modelling.literature.own import units_of_parameters
 
     if formula is None:
@@ -326,8 +340,8 @@ def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
 
 
 def _memory_tables(memory: MemoryModel) -> list[Table]:
-    """Return the table of the coefficients and their standard errors. If states have parameters,
-    add the table of these parameters.
+    """Return a table of the coefficients of a model with memory, with their standard errors. If the
+    states of the model have parameters, also return a table of these parameters.
     """
     columns = ("term", "coefficient #.6g", "standard error .3g")
     numbers = (memory.theta.tolist(), memory.theta_error.tolist())
@@ -348,8 +362,8 @@ def _memory_tables(memory: MemoryModel) -> list[Table]:
 
 
 def _of_model(model: Model) -> View:
-    """Return the inputs of a model, the view that the kind of the model defines, and the equations.
-    Weights, limits and equations are in physical units.
+    """Return the view of a model: its inputs and outputs, its equations, and what depends on its
+    kind, for example segments. Weights, limits and equations are in physical units.
     """
     from mapmore_cli.modelling.kinds import equations, rules
 
@@ -365,17 +379,17 @@ def _of_model(model: Model) -> View:
 
 @runtime_checkable
 class Shown(Protocol):
-    """A kind of model, added by a plug-in, that defines how `mapmore show` shows its models."""
+    """Kind of model from a plug-in with its own method for `mapmore show`."""
 
     def show(self, model: Model, show_other: Callable[[Model], View]) -> View:
-        """Return the view that is shown before the equations of a model. `show_other` makes the
-        views of the models that this model contains.
+        """Return the view that is shown together with the equations of a model. The function
+        `show_other` returns the view of another model, for a model that contains others.
         """
 
 
 def _view_of(model: Model) -> View:
-    """Return the view of a model that its kind defines, without the equations. If the kind defines
-    nothing, the model is shown as it is stored.
+    """Return the view of a model without its equations. The kind of the model decides what is
+    shown. A kind from a plug-in without the method `show` is shown as it is stored.
     """
     from mapmore_cli.modelling.kinds import kind_of
 
@@ -410,8 +424,9 @@ def _view_of(model: Model) -> View:
 
 
 def _weights_document(pieces: Pieces) -> Document:
-    """Return how pieces are joined, with the start and end of the transition zone at each inner
-    boundary of every curve (M2 eq 10-11).
+    """Return the rules by which pieces are joined as a JSON document. For each curve, it contains
+    the start and the end of the transition zone at each inner boundary (equations 10 and 11 of
+    Veale, Xie and Anderson 2018).
     """
     from mapmore_cli.modelling.pieces.definition import zones_of
 
@@ -440,4 +455,4 @@ VIEWS: dict[str, Callable[[Any], View]] = {
     "model": _of_model,
     "validation": _of_validation,
 }
-"""Function that shows each kind of file."""
+"""Function that returns the view of each kind of HDF5 file."""

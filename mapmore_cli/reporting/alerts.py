@@ -1,5 +1,5 @@
-"""Collect warnings about the error that the verdict of a run states. The page, `--json` and stderr
-show the same list.
+"""Collect the alerts of a run: reasons why the error that the run reports may be misleading. The
+page, `--json` and stderr show the same alerts.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from mapmore_cli.reporting.score_tables import EQUAL_WITHIN
 from mapmore_cli.reporting.table import title_of
 
 FEW_CURVES = 3
-"""Smallest number of held-out curves for a useful error. With fewer, the error says little about
-other curves and has no standard error.
+"""Smallest number of held-out curves without an alert. With fewer curves, their error says little
+about the error on other curves, and its standard error cannot be computed.
 """
 
 
@@ -38,7 +38,7 @@ ALERTS: Mapping[str, str] = {
     "search": "terms",
     "check": "data",
 }
-"""Section of the page that shows each kind of alert; the worst kind comes first."""
+"""Section of the page to which each kind of alert refers. The worst kind comes first."""
 
 
 def alerts_of(
@@ -51,7 +51,7 @@ def alerts_of(
 ) -> tuple[Alert, ...]:
     """Return the alerts of all outputs, the worst first.
 
-    - `unconfirmed`: guesses of the spec that nobody has confirmed.
+    - `unconfirmed`: guesses in the spec that nobody has confirmed.
     - `doubts`: findings of the rules of `check`.
     - `search`: the structures that were tried, with notes on the choice.
     """
@@ -110,8 +110,9 @@ def _of_residuals(test: ResidualTest) -> tuple[str, str]:
 
 
 def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tuple[str, str]]:
-    """Yield alerts if few samples or curves are held out, or if held-out samples lie beyond the
-    training data. `left_out` is True for cross-validation, in which every part is held out once.
+    """Yield alerts if nothing is held out, if fewer than `FEW_CURVES` curves have held-out samples,
+    or if held-out samples lie outside the training data. `left_out` is True if the model was scored
+    by cross-validation, in which every part of the data is held out once.
     """
     held_out = [curve for curve in dataset.curves if curve.held_out.any()]
     if not held_out:
@@ -138,8 +139,11 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
 
 def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str]]:
     """Yield an alert for each competitor whose pooled error is smaller than the error of the run's
-    own model by more than 1 %. The verdict has the same limit. Yield another alert that names the
-    competitors whose errors on the curves equal those of the model within one standard error.
+    own model by more than 1 %. The sentence with the result of the run uses the same limit.
+
+    Yield another alert that names the competitors that are nearly as good. For each curve, the RMSE
+    of the own model is subtracted from the RMSE of the competitor; the mean of these differences is
+    at most one standard error of the mean.
     """
     compared = [s for s in deciding(scores) if math.isfinite(s.rmse) and s.model != REPEATABILITY]
     ours = next((score for score in compared if score.model == OWN), None)
@@ -162,7 +166,9 @@ def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, s
 
 
 def _errors_of_curves(scores: Sequence[Score], split: str) -> dict[str, dict[str, float]]:
-    """Return the RMSE of every curve, for each model: `errors[model][curve]`."""
+    """Return the RMSE of every curve, for each model: `errors[model][curve]`. The `split` says
+    which samples are used: `validate` (held out) or `train`.
+    """
     errors: dict[str, dict[str, float]] = {}
     for score in scores:
         if score.split == split and score.curve != "all" and math.isfinite(score.rmse):

@@ -1,4 +1,4 @@
-"""Report on runs for test servers as JUnit XML, and for people as a Markdown summary."""
+"""Write the results of runs for CI servers (JUnit XML) and for people (a Markdown summary)."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class RunReport:
 
     @property
     def missed(self) -> tuple[Limit, ...]:
-        """The limits in `limits` that the scores of the run miss."""
+        """Limits that the scores of the run do not keep."""
         return tuple(limit for limit in self.limits if not limit.kept)
 
 
 def to_junit(runs: Sequence[RunReport]) -> str:
-    """Return a test suite with a test case for every run, and one for every limit of
-    `validate.require`.
+    """Return JUnit XML with a test case for every run, and one for every limit that the key
+    `validate.require` sets.
     """
     cases = [case for run in runs for case in _cases(run)]
     failures, errors = (
@@ -78,8 +78,8 @@ def _case(run: str, name: str, seconds: float) -> ET.Element:
 
 
 def to_summary(runs: Sequence[RunReport], tables: Sequence[Table]) -> str:
-    """Return a Markdown text with the number of successful runs, the faults of failed runs, and the
-    tables.
+    """Return a Markdown text with the number of successful runs, the reasons why the other runs
+    failed, and the tables.
     """
     bad = [run for run in runs if run.failure is not None or run.missed]
     lines = [f"## mapmore: {len(runs) - len(bad)} of {len(runs)} runs in order", ""]

@@ -1,5 +1,5 @@
-"""Print the equations of competitors with their numbers on a page. If a competitor has no
-equations, print the reason.
+"""Prepare the equations of the competitors for a page, with the fitted values of the parameters. If
+a competitor has no equations, the page shows the reason.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ NOT_KNOWN = (
 
 @dataclass(frozen=True)
 class Printed:
-    """A competitor on a page: how it is computed (`words`), and its equations."""
+    """Competitor as it is printed on a page: sentences that say how it is computed (`words`), and
+    its equations.
+    """
 
     title: str
     words: tuple[str, ...]
@@ -34,14 +36,14 @@ class Printed:
 
 
 def printed_competitors(inputs: ReportInputs) -> tuple[Printed, ...]:
-    """Return every competitor that could be fitted, in the order of the scores."""
+    """Return all competitors whose fit did not fail, in the order of the scores."""
     failed = inputs.failed
     return tuple(_printed(name, inputs) for name in inputs.models[1:] if name not in failed)
 
 
 def _printed(name: str, inputs: ReportInputs) -> Printed:
-    """Return a competitor for printing. If it consists of formulas that are fitted one after the
-    other, their equations stand below each other.
+    """Return a competitor as it is printed on a page. If it consists of several formulas that are
+    fitted one after the other, all their equations are returned.
     """
     title, model = title_of(name), inputs.validation.models.get(name)
     if name in LEARNERS:

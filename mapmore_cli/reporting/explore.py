@@ -1,6 +1,8 @@
-"""Prepare the data with which a page computes its models: their code in JavaScript, and samples.
+"""Prepare the data with which a page computes models in the browser: the code of the models in
+JavaScript, and samples.
 
-The code comes from the annex that exports models; without it, a page has no section "Explore".
+The optional part of mapmore that exports models writes the code. If this part is not installed, a
+page has no section "Explore".
 """
 
 from __future__ import annotations
@@ -25,13 +27,17 @@ from mapmore_cli.reporting.scripts import json_text
 from mapmore_cli.reporting.table import title_of
 
 LINES = [(f"--other{number}", dash) for dash in ([7, 3], [2, 3]) for number in (1, 2, 3, 4, 5)]
-"""Colours, as `explore.css` calls them, and dashes of the lines of competitors."""
+"""Colour and dashes of the line of each competitor. The colours are names of variables in
+`explore.css`.
+"""
 
 MOST_SEGMENTS = 100
-"""Largest number of segments of a model that a page computes. Their code has half a megabyte."""
+"""Largest number of segments of a model that a page computes. The code of so many segments has half
+a megabyte.
+"""
 
 Sides = tuple[Any, Any]
-"""Behaviour below and above the limits of an input."""
+"""Two behaviours of a model: below and above the limits of an input."""
 
 _EXPORTED = re.compile(r"\nexport \{ (.*) \};\n$")
 _COMMENTS = re.compile(r"^/\*\*$.*?^ \*/\n", re.DOTALL | re.MULTILINE)
@@ -39,11 +45,12 @@ _COMMENTS = re.compile(r"^/\*\*$.*?^ \*/\n", re.DOTALL | re.MULTILINE)
 
 @dataclass(frozen=True)
 class Explored:
-    """The section "Explore" of a page.
+    """Contents of the section "Explore" of a page.
 
     - `outputs`: data of each output for its script, ready for JSON; None if the model of the output
       has no closed expression, or has too many segments.
-    - `code`: a script that stores every model in `mapmore.models`, by the names in `outputs`.
+    - `code`: a script that stores every model in `mapmore.models`, by the keys that are named in
+      `outputs`.
     """
 
     outputs: tuple[dict[str, Any] | None, ...]
@@ -51,8 +58,8 @@ class Explored:
 
 
 def explored(every: Sequence[ReportInputs]) -> Explored | None:
-    """Return the data for the pages of these outputs; None if nothing can be computed, or if the
-    exporting annex is missing.
+    """Return the section "Explore" for the outputs of a run. Return None if no model can be written
+    as JavaScript, or if the part of mapmore that exports models is not installed.
     """
     try:
         plugins.load("python", "export")
@@ -96,15 +103,17 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
 
 
 def uncomputed_segments(model: Model) -> int:
-    """Return the number of segments of a model that has too many for the page, or zero."""
+    """Return the number of segments if it is larger than `MOST_SEGMENTS`, so that the page does not
+    compute the model; otherwise return zero.
+    """
     count = len(model.pieces.segments) if model.pieces else 0
     return count if count > MOST_SEGMENTS else 0
 
 
 def wrapped(key: str, model: Model, more: str = "") -> str:
-    """Return the exported JavaScript module of a model as a function that calls itself, because a
-    page cannot import modules. The page finds its result as `mapmore.models[key]`. `more` is code
-    for further members of this result.
+    """Return JavaScript that stores a model as `mapmore.models[key]`. Because a page cannot import
+    modules, the exported module of the model is changed to a function that is called at once, and
+    its result is stored. `more` is code for further members of this result.
 
     Raises DataError if a part of the model has no closed expression.
     """
@@ -115,9 +124,9 @@ def wrapped(key: str, model: Model, more: str = "") -> str:
 
 
 def _competitors(inputs: ReportInputs) -> dict[str, Model]:
-    """Return the competitors that the page can compute beside the model. They predict the same
-    quantity from the inputs of the model. A competitor with memory must also have the time step of
-    the model.
+    """Return the competitors that the page can compute together with the model. They predict the
+    same quantity as the model, and need no other inputs. A competitor with memory must also have
+    the same time step as the model.
     """
     model = inputs.model
     known, steps = {one.name for one in model.inputs}, _steps_of(model)
@@ -134,17 +143,19 @@ def _competitors(inputs: ReportInputs) -> dict[str, Model]:
 
 
 def _steps_of(model: Model) -> set[float]:
-    """Return the time steps of a model and of its parts, in s; an empty set if none has memory."""
+    """Return the time steps of a model and of its parts, in s. The set is empty if no part has
+    memory.
+    """
     return {memory.states.step for memory in model.memories}
 
 
 def bare_of(model: Model) -> tuple[Model, str]:
-    """Return what a page needs to join the pieces of a model in other ways. The first result is the
-    model whose segment functions continue unchanged outside the ranges of their samples. The second
-    result is JavaScript code for further members of the model: its curves, its segments with their
-    slopes, and all transitions.
+    """Return a model and JavaScript code with which a page can join the pieces of a model in other
+    ways. In the returned model, each segment function also applies outside the range of its
+    samples, without any change. The code adds members to the JavaScript object of the model: the
+    curves, the segments with their slopes, and all transitions.
 
-    `rejoin` replaces the functions of the curves.
+    A further member is the function `rejoin`, which replaces the functions of the curves.
     """
     body = model.body_of(Pieces)
     free = [one.name for one in model.inputs if one.name != body.level]
@@ -175,8 +186,8 @@ def _course(words: str) -> str:
 
 
 def pieces_of(model: Model, equations: Mapping[str, str]) -> dict[str, Any]:
-    """Return data for the page: the rules by which the pieces are joined, and for each piece, by
-    its id, its equation and the range to which it was fitted.
+    """Return data for the page: the rules by which the pieces are joined, the curves, and for each
+    piece its id, its equation and the range to which it was fitted.
     """
     body = model.body_of(Pieces)
     fusion = body.fusion
@@ -217,8 +228,9 @@ def pieces_of(model: Model, equations: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _sides(fitted: Sides) -> list[tuple[str, str]]:
-    """Return the possible behaviours beyond the limits of an input, each as JSON with a title. The
-    behaviour of the model comes first.
+    """Return the possible behaviours of a model outside the limits of an input, for example
+    `saturate` on both sides. Each is a pair of texts: the behaviour as JSON, and its title. The
+    behaviour of this model, `fitted`, comes first.
     """
     titles = {"continue_linear": "continue straight"}
     known: dict[Sides, str] = {(way, way): titles.get(way, way) for way in get_args(Beyond)}

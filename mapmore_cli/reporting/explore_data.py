@@ -1,5 +1,5 @@
-"""Prepare the numbers and texts of "Explore" for its template and its scripts: quantities,
-controls, samples, a recording, and intervals.
+"""Prepare numbers and texts for the section "Explore" of a page: quantities, sliders, samples, a
+recording, and intervals.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from mapmore_cli.reporting.inputs import FigureStyle, ReportInputs
 from mapmore_cli.reporting.scripts import json_text
 
 MOST_TRAINED, MOST_SAMPLES = 2000, 4000
-"""Largest number of training samples of an output on its page, which are drawn only, and of
-held-out samples, of which the page computes errors.
+"""Largest number of training samples and of held-out samples of an output on its page. Training
+samples are only drawn. From held-out samples, the page also computes errors.
 """
 
 PLACES = 41
@@ -29,18 +29,21 @@ BEYOND = 0.15
 """Fraction of the training range of an input by which its slider goes beyond each end."""
 
 NEAR = 0.06
-"""A sample counts as near the value of a slider if it differs from this value by at most this
-fraction of the training range of the input.
+"""A page shows a sample if each of its other inputs differs from the value of the slider by at most
+this fraction of the training range of the input.
 """
 
 PER_PERIOD, REST, MOST_RESTING = 500, 30.0, 20_000
-"""Number of samples in a period of the course that a page shows at first; time in seconds after
-which a model counts as at rest; and largest number of samples in this time.
+"""Number of samples in one period of the input that a page shows at first; time in seconds for
+which a model is simulated with constant inputs, so that it comes to rest; and largest number of
+samples in this time.
 """
 
 
 def study_of(inputs: ReportInputs, key: str) -> dict[str, Any]:
-    """Return the data that the script and the template need for any model."""
+    """Return the data of one output for the section "Explore". `key` is the name under which the
+    page finds the model. A model with memory gets a recording, every other model gets samples.
+    """
     model, curves = inputs.model, inputs.dataset.curves
     spans = {one.name: _span(curves, one.name) for one in model.inputs}
     signals = {
@@ -72,15 +75,17 @@ def study_of(inputs: ReportInputs, key: str) -> dict[str, Any]:
 
 
 def _span(curves: Sequence[Curve], name: str) -> Ends:
-    """Return the smallest and largest value of a quantity; 0 and 1 if it has none."""
+    """Return the smallest and the largest value of a quantity, or 0 and 1 if all its values are
+    missing.
+    """
     values = np.concatenate([curve.columns[name] for curve in curves])
     values = values[np.isfinite(values)]
     return (values.min(), values.max()) if values.size else (0.0, 1.0)
 
 
 def _quantity(one: Quantity, inputs: ReportInputs) -> dict[str, str]:
-    """Return the name, title, unit and label of a quantity for the page. A user's label that
-    contains a formula is replaced, because the script cannot typeset it.
+    """Return the name, title, unit and label of a quantity for the page. If a label of the user
+    contains a formula, the default label is returned, because the script cannot typeset formulas.
     """
     label = inputs.axis_label(one)
     return {
@@ -92,8 +97,8 @@ def _quantity(one: Quantity, inputs: ReportInputs) -> dict[str, str]:
 
 
 def _reach(low: float, high: float) -> dict[str, Any]:
-    """Return the ends of the slider of an input, which lie beyond its training range, and the
-    largest distance at which the page counts a sample as near the value of the slider.
+    """Return the ends of the slider of an input, which lie beyond its training range. Also return
+    the largest distance from the value of the slider at which the page still shows a sample.
     """
     width = high - low or abs(low) or 1.0
     return {
@@ -103,7 +108,9 @@ def _reach(low: float, high: float) -> dict[str, Any]:
 
 
 def _knob(name: str, ends: Sequence[float], value: float) -> dict[str, Any]:
-    """Return a slider with its number field."""
+    """Return the data of a slider and its number field: name, ends, step, and value at the
+    start.
+    """
     step = float(f"{(ends[1] - ends[0]) / 500:.2g}")
     low, high, start = _numbers(np.array([*ends, value]))
     return {"name": name, "low": low, "high": high, "step": step, "value": start}
@@ -121,16 +128,18 @@ def _swing(name: str, width: float) -> dict[str, Any]:
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Return numbers with seven significant digits; None for a missing number."""
+    """Round numbers to seven significant digits. A missing number becomes None."""
     return [float(f"{one:.7g}") if np.isfinite(one) else None for one in values.tolist()]
 
 
 def _samples(inputs: ReportInputs, spans: Mapping[str, Ends]) -> dict[str, Any]:
-    """Return three groups of data for the page. The first is the samples, evenly thinned to
-    `MOST_TRAINED` training samples and `MOST_SAMPLES` held-out samples. The second is the samples
-    to which each button leads. The third is the sliders of the inputs in `spans`. The sliders start
-    at the middle sample of the first held-out curve. Without held-out curves, they start in the
-    middle of their ranges.
+    """Return three groups of data for the page of a model without memory:
+
+    - `samples`: at most `MOST_TRAINED` training samples and `MOST_SAMPLES` held-out samples, evenly
+      thinned.
+    - `buttons`: for each button, the input values to which it sets the sliders.
+    - `knobs`: the sliders of the inputs in `spans`. They start at the middle sample of the first
+      held-out curve. Without held-out curves, they start in the middle of their ranges.
     """
     kept = [*spans, inputs.model.output.name]
     pooled = np.array([inputs.pooled(name) for name in kept])
@@ -171,23 +180,25 @@ def _samples(inputs: ReportInputs, spans: Mapping[str, Ends]) -> dict[str, Any]:
 
 def middle_of(rows: IntArray, places: Array) -> int:
     """Return the row of a curve at which the varying quantity has its median value. `places`, (n,),
-    are the values of this quantity at the `rows`. The row in the middle of the list is not used,
-    because in a loop it lies where the motion turns, at an end of the range.
+    are the values of this quantity at the `rows`.
+
+    The median is used and not the middle row, because the middle row of a loading cycle lies at the
+    turning point, at an end of the range.
     """
     return int(rows[np.argsort(places, kind="stable")[len(rows) // 2]])
 
 
 def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
-    """Return the beginning of a recording (a held-out one, if there is one), linearly interpolated
-    to the time steps of the model; and a sentence about the values with which the simulation
-    begins.
+    """Return the beginning of a recording, linearly interpolated to the time steps of the model,
+    and a sentence about the initial values of the simulation. The recording is a held-out one if
+    there is one.
     """
     model, output = inputs.model, inputs.model.output.name
     curve = next((one for one in curves if one.held_out.any()), curves[0])
-    start = int(np.argmax(curve.held_out))  # 0 if no sample is held out
+    start = int(np.argmax(curve.held_out))  # this is 0 if no sample is held out
     columns = {name: column[start:] for name, column in curve.columns.items()}
     time, step = columns["time"], program_of(model).step
-    assert step is not None  # every model that runs along a recording has a time step
+    assert step is not None  # every model with memory has a time step
     count = min(MOST_SAMPLES, int((time[-1] - time[0]) / step + 1.5))
     grid = np.minimum(time[0] + step * np.arange(count), time[-1])
     known = columns[output][np.isfinite(columns[output])]
@@ -207,8 +218,8 @@ def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
 
 
 def _begins(inputs: ReportInputs) -> str:
-    """Return a sentence that says with which values a free run of the model and of its competitors
-    begins.
+    """Return a sentence that says with which initial values simulations by the model and by its
+    competitors begin.
     """
     output = inputs.model.output.name.replace("_", " ")
     measured = (
@@ -239,8 +250,8 @@ def _interval(inputs: ReportInputs) -> dict[str, Any] | None:
 
 
 def _no_interval(inputs: ReportInputs) -> str:
-    """Return a sentence that says why there is no interval, or what the interval does not contain;
-    empty if the interval is complete.
+    """Return a sentence that says why there is no interval, or which errors the interval does not
+    include. Return an empty text if the interval is complete.
     """
     if inputs.left_out is not None:
         limits = interval_limits(inputs.left_out)

@@ -27,8 +27,8 @@ from mapmore_cli.reporting.table import FROM_TO, Cells, Column, Columns, Table, 
 
 
 def segments_table(inputs: ReportInputs) -> Table:
-    """Return a table of the segments: the range of each, its scaling, and the training RMSE of its
-    own function before the pieces are joined.
+    """Return a table of the segments: the range and the scaling of each segment, and the training
+    RMSE of its own function before the pieces are joined.
     """
     places = {
         segment.id: segment_ends(curve, segment)
@@ -68,8 +68,9 @@ def segment_ends(curve: SegmentedCurve, segment: Segment) -> list[float]:
 
 
 def terms_table(fit: FitResult) -> Table:
-    """Return a table of the terms in the order of selection, with the error reduction ratio of
-    each, the sum of the ratios so far, the runner-up, and the margin over the runner-up.
+    """Return a table of the selected terms in the order of their selection. A row has the error
+    reduction ratio (ERR) of the term, the sum of the ratios up to this term, the second-best term
+    (the runner-up), and the difference between the ratios of both.
     """
     columns = (
         *("segment", "step", "term", "ERR [%] .4f", "sum of ERR [%] .4f", "runner-up"),
@@ -105,11 +106,12 @@ def _term_rows(segment: SegmentFit) -> Iterator[Cells]:
 def coefficient_rows(
     fit: FitResult, model: Model | None
 ) -> Iterator[tuple[SegmentFit, dict[str, Any]]]:
-    """Yield a row for each term of each segment, or of the model with memory. A row comes with its
-    segment; it is the row of `Selection.table`, with half the width of the 95 % interval of the
-    coefficient under `width`.
+    """Yield a segment and a row for each of its coefficients; a model with memory is treated as one
+    segment. The row is a row of `Selection.table` with one more entry, `width`: half the width of
+    the 95 % interval of the coefficient.
 
-    If a `model` that keeps a shape is given, its coefficients replace the coefficients of the fit.
+    If the `model` was fitted with a known shape (`fit.shape`), its coefficients replace the
+    coefficients of the fit.
     """
     kept: dict[str, SegmentFunction | MemoryModel] = {}
     if model is not None and model.shape is not None:
@@ -125,9 +127,9 @@ def coefficient_rows(
 
 
 def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:
-    """Return the coefficients of every segment with standard errors and 95 % confidence intervals,
-    in scaled coordinates and in the target's unit; a note names the coefficients that the data do
-    not determine.
+    """Return a table of the coefficients of every segment with standard errors and 95 % confidence
+    intervals, in scaled coordinates and in the unit of the target. A note names the coefficients
+    whose interval includes zero.
     """
     columns = (
         *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
@@ -148,11 +150,11 @@ def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) ->
     return Table.of("coefficients", title, columns, rows, *notes)
 
 
-MOST_NAMED = 12  # largest number of terms that are named in one sentence
+MOST_NAMED = 12  # largest number of terms that a note names
 
 
 def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
-    """Return training samples that lie far from a robust fit, the farthest first."""
+    """Return a table of the training samples that lie far from a robust fit, the farthest first."""
     columns = ("file", "place", "curve", f"measured − predicted [{unit}] .4g", "in scales .3g")
     rows = ((one.file, one.place, one.curve, one.off, one.scales) for one in outliers)
     note = "They have a smaller weight in the fit. None is left out of the data or of the scores."
@@ -160,8 +162,8 @@ def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
 
 
 def formulas_table(inputs: ReportInputs) -> Table:
-    """Return parameters ± standard error of every fitted formula; a failed fit has one row without
-    numbers.
+    """Return a table of the parameters of every fitted formula with their standard errors. A
+    formula whose fit failed has one row without numbers.
     """
     own, formulas = inputs.fit.formula, inputs.validation.formulas
     fitted = [(name, "competitor", formula) for name, formula in formulas.items()]
@@ -195,12 +197,12 @@ def _formula_rows(name: str, role: str, formula: FormulaFit) -> Iterator[Cells]:
 
 
 def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
-    """Return a sentence for every pair of formulas with different names that are the same model
-    here.
+    """Return a sentence for every pair of formulas with different names that describe the data with
+    the same function.
 
-    Two formulas count as the same model if their fits to the same samples have the same sum of
-    squares. For example, tondu_lopez with a fitted area is chou_hannaford in other parameters, if
-    the parameters of chou_hannaford describe a braid.
+    Two formulas are treated as the same if their fits to the same samples have the same sum of
+    squares. For example, `tondu_lopez` with a fitted area is the same function as `chou_hannaford`,
+    written with other parameters, if the parameters of `chou_hannaford` describe a braid.
     """
     known = [(name, fit) for name, fit in fitted if not fit.failed and fit.sse > 0.0]
     return tuple(
@@ -215,8 +217,8 @@ def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
 
 
 def rival_minima(name: str, formula: FormulaFit) -> Iterator[str]:
-    """Yield other minima of a formula's error that the training data hardly distinguish from the
-    chosen one, each as a sentence.
+    """Yield a sentence for each other local minimum of a formula's error that is nearly as small as
+    the chosen minimum, so that the training data hardly distinguish the two.
     """
     for rival in formula.rivals:
         ratio = math.sqrt(rival.sse / formula.sse)
@@ -225,8 +227,9 @@ def rival_minima(name: str, formula: FormulaFit) -> Iterator[str]:
 
 
 def folds_table(choices: Sequence[FoldError], unit: str) -> Table:
-    """Return a table of the cross-validation errors by which mapmore chose between the formula
-    alone and the formula with segments.
+    """Return a table of cross-validation errors by which mapmore chose between the formula alone
+    (`backbone`) and the formula with segments (`backbone + residual` or `backbone + shrunken
+    residual`).
     """
     best = min((choice.rmse for choice in choices), default=math.nan)
     columns = ("choice", f"RMSE of left-out samples [{unit}]", "folds", "least error")

@@ -1,4 +1,4 @@
-"""Bundle everything from which a report is made: the results of the earlier stages."""
+"""Bundle the results of the earlier stages from which a report is made."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ MOST_LINES = 7
 """Largest number of lines that can be distinguished in one panel."""
 
 FAR_OFF = 10.0
-"""A model does not affect the scale of a figure if its error exceeds that of the run's own model by
-this factor.
+"""A model is ignored in the scale of a figure if its error is more than this many times as large as
+the error of the run's own model.
 """
 
 
@@ -55,8 +55,9 @@ class FigureStyle:
     palette: tuple[str, ...] = ()
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
-        """Return `Pressure (kPa)`, with `(–)` for a quantity without unit; or the user's own
-        label.
+        """Return the label of an axis, such as `Pressure (kPa)`, or `Strain (–)` for a quantity
+        without unit. If the user gave a label for the quantity, return this label. A `prefix` is
+        put in front.
         """
         if quantity.name in self.labels:
             return f"{prefix} {self.labels[quantity.name]}".strip()
@@ -67,33 +68,34 @@ class FigureStyle:
         )
 
     def is_own_label(self, label: str) -> bool:
-        """Return True if a label is the user's own, in which formulas may stand between dollar
-        signs.
+        """Return True if the user gave this label in the spec. Only such a label may contain
+        formulas between dollar signs.
         """
         return any(label.endswith(own) for own in self.labels.values())
 
 
 @dataclass(frozen=True)
 class ReportInputs:
-    """Contents of the report. A report shows only these numbers and summaries of them.
+    """Contents of the report of one output. A report shows only these numbers and summaries of
+    them.
 
     - `muscle`: labels of the muscle as the spec gives them (`name`, `kind`, `length`, ...), ready
       to print.
-    - `whole`: the dataset with all samples; tables show only the numbers of its samples.
+    - `whole`: the dataset with all samples; tables show only how many samples it has.
     - `spec_text`: the resolved spec.
     - `provenance`: versions, hashes and the like, in the order in which to print them.
     - `command`: command that repeats the run; empty if its spec is unknown.
-    - `other_equations`: the equations in other units, by the description of these.
-    - `style`: appearance of its figures.
-    - `unconfirmed`: guesses of the spec that nobody has confirmed.
+    - `other_equations`: the equations in other units; the keys describe these units.
+    - `style`: appearance of the figures.
+    - `unconfirmed`: guesses in the spec that nobody has confirmed.
     - `doubts`: findings of the rules of `check`.
-    - `asked`: ids of the curves and recordings that are drawn; if it is empty, some are chosen.
-    - `search`: the structures that were tried, if the structure was searched.
+    - `asked`: ids of the curves and recordings that figures show; if it is empty, some are chosen.
+    - `search`: the structures that were tried, if mapmore searched for a structure.
     - `as_recorded`: True if recordings are drawn over time for every model.
-    - `violations`: violations of the shape that the spec asks for, or that the kind of muscle
-      implies.
+    - `violations`: violations of the known shape of the output, which the spec requires or which
+      the kind of muscle implies.
     - `explore`: True if the page computes the model in the browser.
-    - `prefix`: prefix of names of files and sections, if the run has several outputs.
+    - `prefix`: text with which names of files and sections begin if the run has several outputs.
     """
 
     name: str
@@ -130,14 +132,14 @@ class ReportInputs:
 
     @property
     def dataset(self) -> Dataset:
-        """The samples that are shown. Of long curves, these are the samples that the stage
-        `validate` has chosen.
+        """The samples that the report shows. If curves have very many samples, the stage `validate`
+        has chosen some of them.
         """
         return self.validation.shown or self.whole
 
     @property
     def target(self) -> Quantity:
-        """Modelled quantity, with the unit of every prediction and error."""
+        """Quantity that is predicted and scored, with the unit of every prediction and error."""
         return self.dataset.quantities[self.dataset.target]
 
     def axis_label(self, quantity: Quantity, prefix: str = "") -> str:
@@ -146,7 +148,7 @@ class ReportInputs:
 
     @property
     def models(self) -> tuple[str, ...]:
-        """Names of the compared models, the run's own first."""
+        """Names of the compared models; the run's own model comes first."""
         return tuple(self.validation.predictions)
 
     @property
@@ -155,21 +157,23 @@ class ReportInputs:
         return self.models[0]
 
     def pooled(self, name: str) -> Array:
-        """Return a column of all shown curves, one after the other, (n,)."""
+        """Return the values of a quantity in all shown curves, one curve after the other, (n,)."""
         return np.concatenate([curve.columns[name] for curve in self.dataset.curves])
 
     @property
     def pooled_held_out(self) -> BoolArray:
-        """Return True for held-out samples, over all curves, (n,)."""
+        """Mask of the held-out samples in all shown curves, one curve after the other, (n,)."""
         return np.concatenate([curve.held_out for curve in self.dataset.curves])
 
     def errors_of(self, model: str) -> Array:
-        """Return predicted minus measured output over all curves, (n,)."""
+        """Return the errors of a model (predicted minus measured) in all shown curves, one curve
+        after the other, (n,).
+        """
         return np.concatenate(self.validation.predictions[model]) - self.pooled(self.dataset.target)
 
     def beside(self, names: Sequence[str]) -> ReportInputs:
-        """Return the inputs with only these models beside the run's own, in this order. Raises
-        UsageError for a model that the run does not have.
+        """Return a copy in which only the competitors in `names` are compared with the run's own
+        model, in this order. Raises UsageError for a model that the run does not have.
         """
         if unknown := [name for name in names if name not in self.models]:
             raise UsageError(
@@ -184,12 +188,12 @@ class ReportInputs:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The models that figures draw as lines."""
+        """Names of the models that figures draw as lines."""
         return self.best(MOST_LINES)
 
     def best(self, most: int) -> tuple[str, ...]:
-        """Return the models that figures show; if there are more than `most`, the run's own model
-        and the best of the other models.
+        """Return the names of the models that figures show. If there are more than `most`, return
+        the run's own model and the best of the other models.
         """
         errors = self.pooled_errors
         others = sorted(self.shown[1:], key=lambda model: errors.get(model, math.inf))
@@ -198,8 +202,8 @@ class ReportInputs:
 
     @property
     def shown(self) -> tuple[str, ...]:
-        """The models that figures show: all, except that only the best of the simple competitors is
-        shown.
+        """Names of the models that figures show: all models, but only the best one of the simple
+        competitors.
         """
         errors = self.pooled_errors
         best = min(
@@ -211,8 +215,9 @@ class ReportInputs:
 
     @property
     def far_off(self) -> tuple[str, ...]:
-        """Competitors with errors so large that they would make the run's own model invisible on a
-        common axis.
+        """Names of the models whose error is more than `FAR_OFF` times as large as the error of the
+        run's own model. On an axis that shows such large errors, the errors of the own model could
+        not be seen.
         """
         errors = self.pooled_errors
         limit = FAR_OFF * errors.get(self.own, math.inf)
@@ -220,7 +225,9 @@ class ReportInputs:
 
     @property
     def pooled_errors(self) -> dict[str, float]:
-        """RMSE of every model whose RMSE is finite, for the held-out data if there are any."""
+        """RMSE of every model over all curves, on held-out data if there are any. Models without a
+        finite RMSE are left out.
+        """
         return {
             score.model: score.rmse
             for score in deciding(self.validation.scores)
@@ -240,14 +247,16 @@ class ReportInputs:
 
     @property
     def over_time(self) -> bool:
-        """Return True if curves are recordings of motion (step responses), which are drawn over
+        """Return True if the curves are recordings of motion (step responses); these are drawn over
         time.
         """
         return any(curve.at_rest is not None for curve in self.dataset.curves)
 
     @property
     def has_memory(self) -> bool:
-        """Return True if the model, or a part of it in a sum, runs along recordings."""
+        """Return True if the model has memory, or is a sum with such a model. It then needs whole
+        recordings as input, and not single samples.
+        """
         return runs_over_time(self.model)
 
     @property
@@ -262,14 +271,14 @@ class ReportInputs:
 
     @property
     def left_out(self) -> LeftOut | None:
-        """Data from which intervals are computed; None if there are none, or if another quantity
-        than the model's output is shown.
+        """Data from which intervals are computed. None if there are no such data, or if the report
+        shows another quantity than the output of the model.
         """
         return self.model.left_out if self.target == self.model.output else None
 
     def interval(self, number: int) -> tuple[Array, Array] | None:
-        """Return the ends of the run's own intervals along a curve of the dataset, (n,) each; None
-        if the model has none.
+        """Return the ends of the prediction intervals of the run's own model along the curve with
+        this number, (n,) each. Return None if the model has no intervals.
         """
         if self.left_out is None:
             return None
@@ -279,12 +288,14 @@ class ReportInputs:
 
     @property
     def fits(self) -> dict[str, Fit | None]:
-        """The run's own fit, and the fits of the competitors that pages show, by name."""
+        """Fit of the run's own model, and fits of the competitors that pages show, by name."""
         return {self.own: self.fit.body, **self.validation.fits}
 
     @property
     def turned(self) -> bool:
-        """Return True if the model is inverted before it is scored."""
+        """Return True if the scored quantity is an input of the model, so that the model is
+        inverted before it is scored.
+        """
         return is_turned(self.model, self.dataset)
 
     @property
@@ -294,21 +305,21 @@ class ReportInputs:
 
     @property
     def in_curve(self) -> Quantity:
-        """Quantity over which the target is drawn: the quantity along which the model runs, or the
-        output of the model if the model is inverted.
+        """Quantity over which the target is drawn: the quantity that varies within a curve. If the
+        model is inverted, this is the output of the model.
         """
         return self.model.output if self.turned else self.along
 
     @property
     def along(self) -> Quantity:
-        """Quantity of the model that varies within a curve; for a model without inputs, any
+        """Input of the model that varies within a curve. For a model without inputs, it is any
         measured quantity.
         """
         return self.dataset.quantities[self.validation.along]
 
     @property
     def rules(self) -> tuple[str, ...]:
-        """Return how the equations of the model are combined, in sentences."""
+        """Sentences that say how the equations of the model are combined."""
         return rules(self.model)
 
     @property
@@ -319,8 +330,8 @@ class ReportInputs:
         )
 
     def ids_of(self, words: str) -> frozenset[str]:
-        """Return the ids of the curve or the recordings that a user means: by id, by level (`250`,
-        `250 kPa`), or by the log that was cut into pieces.
+        """Return the ids of the curves and recordings that a user means by `words`: an id, a level
+        (`250` or `250 kPa`), or the name of a log that was cut into several recordings.
         """
         curves = [
             curve.id
@@ -331,8 +342,8 @@ class ReportInputs:
         return frozenset((*curves, *logs))
 
     def curve_label(self, curve: Curve) -> str:
-        """Return the short name of a curve: its level with the unit (`150 kPa`, `strain 0.04`),
-        otherwise its id.
+        """Return a short name of a curve: its level with the unit (`150 kPa`, `strain 0.04`), or
+        its id if it has no level.
         """
         level = self.dataset.level
         if curve.level is None or level is None:

@@ -1,4 +1,6 @@
-"""Make the tables about models with memory: states, parameters and sizes."""
+"""Make tables about models with memory: their states, the parameters of their operators, and their
+errors for different numbers of terms.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,9 @@ from mapmore_cli.reporting.table import Cells, Table
 
 
 def states_table(states: StateSet) -> Table:
-    """Return everything that training estimated about the states: the oscillators, the ranges of
-    inputs for operators, and the scales.
+    """Return a table of the numbers that training determined for the states: frequency and damping
+    of oscillators, training ranges of the inputs of operators, and limits to which states are
+    scaled.
     """
     rows: list[Cells] = []
     for name, (hertz, damping) in states.resonances.items():
@@ -29,8 +32,8 @@ def states_table(states: StateSet) -> Table:
 
 
 def identified_table(fit: MemoryFit) -> Table:
-    """Return a table of the operator parameters that training estimated. The table has no rows if
-    the dictionary gave all parameters.
+    """Return a table of the parameters of operators that training estimated. The table has no rows
+    if the spec gives all of these parameters.
     """
     rows: list[Cells] = []
     if (numbers := fit.identified) is not None:
@@ -46,9 +49,9 @@ def identified_table(fit: MemoryFit) -> Table:
 
 
 def sizes_table(fit: MemoryFit) -> Table:
-    """Return a table of the free-run error of models with 1, 2, ... terms. The errors are measured
-    on training samples that were left out of these fits. Without such samples, the table has no
-    rows.
+    """Return a table of the free-run (simulation) error of models with 1, 2, ... terms. The errors
+    are measured on the last quarter of the training samples, which was left out of these fits. If
+    no samples were left out, the table has no rows.
     """
     rows = enumerate([] if fit.held_out is None else fit.held_out.tolist(), 1)
     title = "How many terms: error over the last quarter of the training samples"

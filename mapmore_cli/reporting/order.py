@@ -21,10 +21,13 @@ FIGURES = {
     "terms": "terms",
     "convergence": "nrmse",
 }
-"""The figures in their order, with the section of the page to which each belongs; those of plugins
-come last. A figure `NAME` is drawn by `reporting/figures/NAME.py`, or by an entry point.
+"""Names of the figures in their order on the page, with the section to which each figure belongs.
+Figures of plugins come last. A figure `NAME` is drawn by `reporting/figures/NAME.py`, or by an
+entry point.
 """
 FILES_ALONE = frozenset({"surface_3d"})
-"""Figures that only Matplotlib can draw; a page has them if figures are requested as files."""
+"""Figures that only Matplotlib can draw. A page contains them only if figures are also written as
+files.
+"""
 
 FIGURES |= {name: "nrmse" for name in sorted(entry_points("figures")) if name not in FIGURES}

@@ -1,4 +1,4 @@
-"""Write figures for LaTeX, in the fonts of its document."""
+"""Write figures for LaTeX. Their texts are set in the fonts of the document that includes them."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from mapmore_cli.domain.foreign import tex_label, tex_text
 
 
 class _Renderer(RendererPgf):
-    """Renderer that does not call TeX to measure texts. It measures them in the font of the other
-    formats. Names are escaped, so that TeX executes none of them.
+    """Renderer that does not call TeX to measure the size of texts. It uses the size that texts
+    have in the other file formats. Special characters of TeX are escaped, so that no text is
+    executed as a TeX command.
     """
 
     def get_text_width_height_descent(self, s, prop, ismath):  # type: ignore[no-untyped-def]
@@ -27,7 +28,9 @@ class _Renderer(RendererPgf):
 
 
 def to_pgf(figure: Figure) -> str:
-    """Return a `pgfpicture` for `\\input`; its letters are set in the fonts of the document."""
+    """Return a figure as LaTeX source (a `pgfpicture`) for `\\input`. Its texts are set in the
+    fonts of the document.
+    """
     text = io.StringIO()
     width, height = figure.get_size_inches()
     text.write("% \\usepackage{pgf} in the preamble, then \\input this file\n")

@@ -44,7 +44,7 @@ from mapmore_cli.reporting.table import (
 )
 
 TABLE_FILES: Mapping[str, Callable[[Table], str]] = {"csv": to_csv, "tex": to_latex}
-"""Function that writes a table, by format."""
+"""Function that returns a table as text, for each file format."""
 
 MOST_ROWS = 400
 """Largest number of rows of a table on the page."""
@@ -57,8 +57,9 @@ Figures = Mapping[str, Sequence[RenderedFigure]]
 def render_page(
     inputs: ReportInputs, figures: Figures, others: Sequence[tuple[ReportInputs, Figures]] = ()
 ) -> str:
-    """Return the page, from the template `templates/page.html`, with `figures` by section, followed
-    by the figures of other outputs. All texts of the user are escaped.
+    """Return the HTML of a page with all outputs of a run, made from the template
+    `templates/page.html`. `figures` are the figures of the first output, and `others` are the other
+    outputs with their figures. All texts of the user are escaped.
     """
     pages = ((inputs, figures), *others)
     outputs = [_words_of(*own) for own in pages]
@@ -82,7 +83,7 @@ def render_page(
 
 
 def _words_of(inputs: ReportInputs, figures: Figures) -> dict[str, Any]:
-    """Return the values that the template of the page needs for an output, by name."""
+    """Return the variables of the template of a page for one output, by name."""
     scores, table = inputs.validation.scores, inputs.validation.each[0].table
     known = (inputs.own, scored(table, inputs.dataset), inputs.failed, table.alert)
     return {
@@ -107,14 +108,15 @@ def write_report(
     formats: Sequence[str],
     others: Sequence[ReportInputs] = (),
 ) -> None:
-    """Write the report into the folder `out`, byte for byte the same for the same inputs.
+    """Write the report into the folder `out`. The same inputs always give the same bytes.
 
     - `figures`: names from `reporting.order.FIGURES`.
-    - `formats`: `html`: index.html, with the figures in it as quick drawings; `svg`: a file for
-      each figure, drawn by Matplotlib, and the same on the page; `csv`, `tex`: tables/*; `pdf`,
-      `png`, `pgf`: panels/*, every panel of every figure in these formats (and as SVG if `svg` is
-      requested too), and as CSV.
-    - `others`: the other outputs of the run, on the same page.
+    - `formats`: file formats. `html` is the page `index.html`, whose figures are drawn without
+      Matplotlib if possible. `svg` is a file for each figure, drawn by Matplotlib; the page then
+      has the same figures. `csv` and `tex` are files in `tables/`. `pdf`, `png` and `pgf` are files
+      in `panels/`, one for each panel of each figure. The panels are also written as CSV, and as
+      SVG if `svg` is requested.
+    - `others`: the other outputs of the run, which are shown on the same page.
     """
     out.mkdir(parents=True, exist_ok=True)
     shown = [(one, _write_files(one, out, figures, formats)) for one in (inputs, *others)]
@@ -128,7 +130,7 @@ def _write_files(
     """Write the files of one output beside the page, and return its figures."""
     for suffix, written in TABLE_FILES.items():
         for table in all_tables(inputs) if suffix in formats else ():
-            # empty tables are not written for a document in LaTeX
+            # a table without rows is useless in a LaTeX document, so only its CSV file is written
             if suffix == "csv" or table.rows:
                 path = out / "tables" / f"{inputs.prefix}{table.name}.{suffix}"
                 _write_file(path, written(table))
@@ -162,17 +164,17 @@ def _write_panels(
     suffixes: Sequence[str],
     inputs: ReportInputs,
 ) -> None:
-    """Write every panel to a separate file in every requested format of figures, with its
-    numbers.
+    """Write every panel to a separate file in each of the formats `suffixes`, and its data as
+    CSV.
     """
     folder.mkdir(exist_ok=True)
     stems: set[str] = set()
     for drawing, panel in panels:
-        # only characters that all systems accept in file names
+        # keep only characters that all operating systems accept in names of files
         words = re.sub(r"[^A-Za-z0-9=+-]+", "_", panel.key).strip("_")[:80]
         name = stem = f"{drawing.name}.{words}" if words else drawing.name
         number = 1
-        # some file systems do not distinguish capital and small letters
+        # some file systems treat capital and small letters as equal
         while stem.lower() in stems:
             number += 1
             stem = f"{name}.{number}"
@@ -186,8 +188,8 @@ def _write_panels(
 
 
 def data_csv(data: Mapping[str, Values], digits: int = 12) -> str:
-    """Return columns of data as CSV; the keys are their headings. Numbers have `digits` significant
-    digits, and a missing number is an empty field.
+    """Return columns of data as CSV. The keys of `data` are the headings. Numbers have `digits`
+    significant digits, and a missing number is an empty field.
     """
     columns = (np.asarray(values, dtype=object) for values in data.values())
     cells = ([number_text(cell, digits) for cell in column] for column in columns)
@@ -195,12 +197,14 @@ def data_csv(data: Mapping[str, Values], digits: int = 12) -> str:
 
 
 MOST_NUMBERS = 400
-"""Largest number of samples of a panel that a page holds as numbers; files have all of them."""
+"""Largest number of samples of a panel whose numbers are stored in a page. Files contain the
+numbers of all samples.
+"""
 
 
 def numbers_of(drawing: Drawing) -> str:
-    """Return the data from which the panels of a figure were drawn as CSV, with a block for each
-    panel, evenly thinned, with six significant digits.
+    """Return the data of a figure as CSV, with a block for each panel. Each block is evenly thinned
+    to at most `MOST_NUMBERS` rows, and numbers have six significant digits.
     """
     blocks = []
     for panel in (one for one in drawing.panels if one.data):

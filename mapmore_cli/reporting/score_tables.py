@@ -1,4 +1,6 @@
-"""Show the scores of a run as tables. A run shows them even if all its stages were up to date."""
+"""Make tables and sentences from the scores of a run, from comparisons of models, and from searches
+for a structure.
+"""
 
 from __future__ import annotations
 
@@ -45,12 +47,12 @@ def score_table(
     published: Published | None = None,
     failed: Sequence[str] = (),
 ) -> Table:
-    """Return the table of the pooled scores, held-out data first, with the models in the given
-    order.
+    """Return the table of the scores over all curves together. Rows of held-out data come first;
+    the models keep the given order.
 
-    `units` holds the unit of every target. A publication's numbers are shown beside the validation
-    rows only, because they are errors on held-out data. Models in `failed` have no scores; they get
-    a row that says so.
+    `units` holds the unit of every target. The numbers of a publication are shown only beside the
+    rows of held-out data, because they are errors on held-out data. Models in `failed` have no
+    scores; they get a row that says so.
     """
     pooled = sorted((s for s in scores if s.curve == "all"), key=lambda s: s.split != "validate")
     unit = units.get(pooled[0].target, "") if pooled else ""
@@ -81,13 +83,15 @@ def score_table(
 
 
 def full_scale(pooled: Sequence[Score], unit: str) -> str:
-    """Return a sentence that names the normaliser of errors and its value."""
+    """Return a sentence that says by which quantity errors are divided (the full scale), with its
+    value.
+    """
     scale = f"FS = {pooled[0].normaliser_name} = {pooled[0].normaliser:.4g} {unit}".rstrip()
     return f"NRMSE: RMSE / FS, for all rows {scale}."
 
 
 def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Table:
-    """Return the scores of each curve, with the models side by side."""
+    """Return a table of the scores of each curve, with a row for each model."""
     order: dict[str, int] = {}
     for score in scores:
         order.setdefault(score.curve, len(order))
@@ -99,7 +103,9 @@ def curve_scores_table(scores: Sequence[Score], units: Mapping[str, str]) -> Tab
 
 
 def _metrics(scores: Sequence[Score], unit: str) -> tuple[list[Column | str], list[Cells]]:
-    """Return the columns and rows of a table of scores. A column without any value is left out."""
+    """Return the columns and rows of a table of scores. Measures that none of the scores has are
+    left out.
+    """
     shown = {
         one.heading.replace("UNIT", unit): name
         for name, one in MEASURES.items()
@@ -110,12 +116,12 @@ def _metrics(scores: Sequence[Score], unit: str) -> tuple[list[Column | str], li
 
 
 EQUAL_WITHIN = 0.01
-"""Relative difference between two errors below which neither model counts as better."""
+"""Largest relative difference between two errors at which neither model is called better."""
 
 
 def scored(table: ScoreTable, dataset: Dataset) -> Quantity:
-    """Return the scored quantity of a table. It is an input of the model if the model is
-    inverted.
+    """Return the quantity whose errors a table of scores contains. If the model is inverted, this
+    is an input of the model.
     """
     name = next(iter(table.units), dataset.target)
     return dataset.quantities[name if name in dataset.quantities else dataset.target]
@@ -129,13 +135,13 @@ def verdict_sentence(
     alert: str = "",
     warnings: Sequence[str] = (),
 ) -> str:
-    """Return a sentence that compares the pooled error of the model `own` with the smallest error
-    of the other models, on held-out data if there are any.
+    """Return a sentence that compares the error of the model `own` with the smallest error of the
+    other models, over all curves, on held-out data if there are any.
 
     `target` is the scored quantity. `failed` names the competitors without scores, because their
-    fit failed. The sentence begins with the warning that held-out data chose the structure, if it
-    is among the `warnings`. The `alert` follows, if there is one, and then the comparison.
-    Competitors that were trained with held-out data are named but not compared.
+    fit failed. If the `warnings` say that held-out data chose the structure, the sentence begins
+    with this warning. The `alert` follows, if there is one, and then the comparison. Competitors
+    that were trained with held-out data are named but not compared.
     """
     head = f"Alert: {alert}. " if alert else ""
     compared = deciding(scores)
@@ -173,7 +179,7 @@ def verdict_sentence(
 
 
 def _known_score(scores: Sequence[Score], model: str) -> Score | None:
-    """Return the row of a model; None if it has no finite error."""
+    """Return the score of a model, or None if it has no finite error."""
     return next((s for s in scores if s.model == model and math.isfinite(s.nrmse)), None)
 
 
@@ -181,7 +187,9 @@ TRAINED = "was trained on held-out samples, and is"
 
 
 def short_verdict(table: ScoreTable, own: str) -> str:
-    """Return a line that compares the model `own` with the best other model, with both errors."""
+    """Return a line that compares the model `own` with the best other model. The line contains the
+    errors of both.
+    """
     compared, unit = deciding(table.scores), next(iter(table.units.values()), "")
     ours = _known_score(compared, own)
     if ours is None:
@@ -196,12 +204,14 @@ def short_verdict(table: ScoreTable, own: str) -> str:
 
 
 def _error(score: Score, unit: str) -> str:
-    """Return the error of a score, with its unit, as readable text."""
+    """Return the RMSE with its unit, and the NRMSE, as text for people."""
     return f"{score.rmse:.3g}{_of(unit)} ({_percent(score.nrmse)})"
 
 
 def _of(unit: str) -> str:
-    """Return a unit as the text that is appended to a number."""
+    """Return a unit as text that can be appended to a number; it is empty for a quantity without
+    unit.
+    """
     return "" if unit in ("", "1") else f" {unit}"
 
 
@@ -212,7 +222,9 @@ def _best(others: Sequence[Score]) -> Score | None:
 
 
 def _word(ours: Score, best: Score) -> str:
-    """Return the word that compares an error with the smallest error of the other models."""
+    """Return the word that compares the error of the own model with the smallest error of the other
+    models, for example `better`.
+    """
     if ours.rmse == best.rmse:
         return "an exact tie"
     if abs(ours.rmse - best.rmse) <= EQUAL_WITHIN * max(ours.rmse, best.rmse):
@@ -235,8 +247,8 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
 
 
 def pieces_sentence(scores: Sequence[Score], own: str, backbone: str) -> str:
-    """Return a sentence that compares the pooled error of the model `own` with the pooled error of
-    its `backbone`; empty if one of them has no score.
+    """Return a sentence that compares the error of the model `own` with the error of its formula
+    alone (`backbone`), over all curves. Return an empty text if one of the two has no score.
     """
     errors = {score.model: score.rmse for score in deciding(scores)}
     alone = errors.get(backbone, errors.get("backbone", math.nan))
@@ -254,9 +266,10 @@ def _percent(fraction: float) -> str:
 
 
 def changes_table(comparison: Comparison) -> Table:
-    """Return a table with a row for every curve that both models have. A row gives the factor
-    between the two outputs, the weight of the curve in the factor of all curves, and the difference
-    of the outputs. Rows are sorted by the size of the change.
+    """Return a table with a row for every curve that both models have. A row gives the ratio of the
+    later output to the earlier output, the weight of the curve in the ratio of all curves together,
+    and the differences between the outputs. The curve with the largest root mean square difference
+    comes first.
     """
     unit = comparison.unit
     columns = {
@@ -297,8 +310,8 @@ def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
 
 
 def search_table(search: Search) -> Table:
-    """Return a row for every structure, the smallest error first; the best and the chosen one are
-    marked.
+    """Return a table of a search for a structure, with a row for every structure that was tried,
+    the smallest error first. Remarks mark the best structure and the chosen one.
     """
     columns = {
         "structure": "words",

@@ -1,4 +1,5 @@
-"""List the sections of a page in order. To add a section, add a row here, with its tables.
+"""List the sections of a page in their order. A new section is a new row in `SECTIONS`, with the
+function that returns its tables.
 
 A section shows the template `templates/sections/ID.html` if there is one, then its figures (see
 `reporting.order.FIGURES`), then its tables.
@@ -20,11 +21,11 @@ from mapmore_cli.reporting.table import Table
 
 @dataclass(frozen=True)
 class Section:
-    """One section of a page.
+    """Section of a page.
 
-    - `id`: its anchor on the page, and its name for figures and templates.
-    - `tables`: function that returns its tables for a run.
-    - `folded`: True if it is closed until a reader opens it.
+    - `id`: its anchor on the page. Templates and `reporting.order.FIGURES` use the same id.
+    - `tables`: function that returns the tables of the section for an output of a run.
+    - `folded`: True if only its title is shown until a reader opens it.
     """
 
     id: str
@@ -35,24 +36,28 @@ class Section:
 
 @runtime_checkable
 class Paged(Protocol):
-    """A kind of model from a plugin that shows its fits in a section of its own on pages."""
+    """Kind of model from a plugin that has its own section on the page."""
 
     def section(self) -> Section:
-        """Return the section of this kind. It has no tables if the run has no fit of this kind."""
+        """Return the section of this kind of model. It has no tables if the run has no fit of this
+        kind.
+        """
 
     def show_fit(self, fit: Fit) -> tuple[dict[str, object], tuple[Table, ...]]:
-        """Return a fit as members of a JSON document and as tables."""
+        """Return a fit as entries of a JSON document, and as tables."""
 
 
 def shown_by(fit: Fit | None) -> Paged | None:
-    """Return the kind of a fit if it has a section of its own on the page, otherwise None."""
+    """Return the kind of model to which a fit belongs if this kind has its own section, otherwise
+    None.
+    """
     kind = kind_of_fit(fit)
     return kind if isinstance(kind, Paged) else None
 
 
 def sections_of(inputs: ReportInputs) -> tuple[Section, ...]:
-    """Return the sections of a run's page. Each kind of model with tables of its own has a section,
-    which stands before the folded sections.
+    """Return the sections of the page of a run. Each kind of model with its own section adds this
+    section before the folded sections.
     """
     kinds = dict.fromkeys(filter(None, map(shown_by, inputs.fits.values())))
     first = sum(not section.folded for section in SECTIONS)

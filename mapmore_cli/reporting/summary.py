@@ -1,5 +1,5 @@
-"""Summarise a fit as statistics programs do: coefficients with their standard errors, and how well
-the training data determine the parameters.
+"""Summarise a fit as statistics programs do: list the coefficients with their standard errors, and
+show how well the training data determine them.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ NO_CRITERIA = (
 
 
 def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: bool) -> Table:
-    """Return a table with a row for each coefficient: of the formula, and of every segment or of
-    the model with memory. `weighed` is True if samples had different weights in the fit.
+    """Return a table with a row for each coefficient of the formula, of every segment, or of the
+    model with memory. `weighed` is True if samples had different weights in the fit.
 
     Coefficients of terms belong to scaled coordinates; parameters of formulas have their own units.
-    The notes give n, the number of parameters, AIC and BIC of plain least squares; the first
-    equations of the model in physical units; the assumptions of the standard errors; and the
-    coefficients whose 95 % interval includes zero.
+    The notes give the number n of samples and the number of parameters; AIC and BIC, which are
+    valid for plain least squares only; the first equations of the model in physical units; the
+    assumptions of the standard errors; and the coefficients whose 95 % interval includes zero.
     """
     rows, unclear = list[Cells](), list[str]()
     notes, sizes = list[str](), list[str]()
@@ -82,8 +82,8 @@ def _in_physical_units(model: Model) -> Iterator[str]:
 def _fitted_numbers(
     fit: FitResult, model: Model
 ) -> Iterator[tuple[str, str, float, float, float, float]]:
-    """Yield, for each coefficient, its part of the model, its term, its value and standard error,
-    the ERR of the term, and half the width of the 95 % interval.
+    """Yield a tuple for each coefficient: the part of the model, the term, the value, its standard
+    error, the error reduction ratio of the term, and half the width of the 95 % interval.
     """
     if formula := fit.formula:
         freedom = formula.samples - len(formula.parameters)

@@ -1,5 +1,5 @@
-"""Represent a table as data, render it (CSV, text, Markdown, LaTeX, HTML), and provide what all
-pages share: templates, and readable names of models.
+"""Define tables as data, and write them as CSV, text, Markdown, LaTeX or HTML. Also provide what
+all pages use: the templates, and readable names of models.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 Cell = str | int | float | None
-"""Contents of a cell; None and NaN mean a missing number."""
+"""Contents of a cell. None and NaN stand for a missing number."""
 
 Cells = tuple[Cell, ...]
 """A row of a table."""
@@ -31,18 +31,20 @@ MISSING = "–"
 EQUATION = r"{{\raggedright\strut ${}$\strut\par}}"
 
 CODE = re.compile("`([^`]+)`")
-"""A command or key within a sentence."""
+"""Regular expression for a command or a key in a sentence."""
 
 WRITTEN = re.compile(r"(.*?)(?: \[(.*?)\])?(?: (#?\.\d+\w))?", re.DOTALL)
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table. Its `unit` is empty if the table shows none, and `spec` is the format of
-    its floats.
+    """Column of a table.
 
-    The `form` is `text` for equations as text, which LaTeX tables leave out; `source` for equations
-    as LaTeX source, which LaTeX tables typeset; and `model` for names of models.
+    - `unit`: unit of the numbers; empty if the table shows none.
+    - `spec`: format of numbers with a decimal point.
+    - `form`: `text` for equations as text, which LaTeX tables leave out; `source` for equations as
+      LaTeX source, which LaTeX tables typeset; `model` for names of models; `cell` for everything
+      else.
     """
 
     name: str
@@ -52,8 +54,8 @@ class Column:
 
     @classmethod
     def of(cls, text: str) -> Column:
-        """Return the column written as `RMSE [N] .3g`: its name, its unit and its format; the last
-        two are optional.
+        """Return the column that a text such as `RMSE [N] .3g` describes: its name, its unit and
+        its format. Unit and format may be left out.
         """
         parts = WRITTEN.fullmatch(text)
         assert parts is not None
@@ -71,12 +73,12 @@ Columns = Iterable[Column | str]
 
 MODEL = Column("model", form="model")
 FROM_TO = ("from", "to")
-"""Words for the two ends of a range in headings."""
+"""Words for the lower and the upper end of a range in headings."""
 
 
 @dataclass(frozen=True, repr=False)
 class Table:
-    """Rows under named columns. A table is shown as text, and in notebooks as HTML.
+    """Table with named columns. It is shown as text, and in notebooks as HTML.
 
     - `name`: stem of its file name, for example `scores`.
     - `rows`: a tuple for each row, with as many cells as there are `columns`.
@@ -93,8 +95,8 @@ class Table:
     def of(
         cls, name: str, title: str, columns: Columns, rows: Iterable[Sequence[Cell]], *notes: str
     ) -> Table:
-        """Return a table. A column whose name comes from the user must be passed as a Column, not
-        as text.
+        """Return a table. A text in `columns` is split into name, unit and format. A name that
+        comes from the user must therefore be passed as a Column, because it could contain brackets.
         """
         heads = tuple(
             Column.of(column) if isinstance(column, str) else column for column in columns
@@ -115,7 +117,7 @@ class Table:
 
     @property
     def records(self) -> list[dict[str, Cell]]:
-        """The rows as mappings by heading."""
+        """The rows as dictionaries; the keys are the headings of the columns."""
         return [dict(zip(self.headings, row, strict=True)) for row in self.rows]
 
     @property
@@ -124,7 +126,9 @@ class Table:
         return tuple(column.heading for column in self.columns)
 
     def head(self, most: int) -> Table:
-        """Return the first `most` rows, with a note that names the file with all rows."""
+        """Return the table with its first `most` rows only, and with a note that names the file
+        with all rows. A shorter table is returned unchanged.
+        """
         if len(self.rows) <= most:
             return self
         note = f"The first {most} of {len(self.rows)} rows; all are in tables/{self.name}.csv."
@@ -132,7 +136,7 @@ class Table:
 
     @cached_property
     def numeric(self) -> tuple[bool, ...]:
-        """Return True for columns of numbers, which are aligned to the right."""
+        """For each column, True if it contains numbers; such columns are aligned to the right."""
         return tuple(
             any(isinstance(row[j], int | float) for row in self.rows)
             for j in range(len(self.columns))
@@ -154,8 +158,8 @@ def is_missing(cell: Cell) -> bool:
 
 def cells_of(record: object, columns: Mapping[str, str]) -> tuple[Any, ...]:
     """Return the values of attributes of a record. `columns` holds the names of the attributes by
-    their headings, for example `{"weight [%]": "weight"}`. A fraction is converted to per cent if
-    the heading says so.
+    the headings of their columns, for example `{"weight [%]": "weight"}`. If the heading has the
+    unit `%`, the fraction is converted to per cent.
     """
     numbers = attrgetter(*columns.values())(record)
     return tuple(
@@ -197,7 +201,7 @@ def number_text(cell: Cell, digits: int = 12) -> str:
 
 
 def to_text(table: Table) -> str:
-    """Return plain text with aligned columns, title above and notes below."""
+    """Return the table as plain text with aligned columns, its title above and its notes below."""
     columns = list(zip(table.headings, *table.shown, strict=True))
     aligned = []
     for cells, number in zip(columns, table.numeric, strict=True):
@@ -210,23 +214,25 @@ def to_text(table: Table) -> str:
 
 _MARKUP = re.compile(
     r"[\\`*|~$]"
-    r"|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])"  # within a word, `_` has no special meaning
-    r"|\](?=[(\[:])"  # `]` is special only at the end of the text of a link or a picture
-    r"|(?<=:)/(?=/)|(?<=www)\."  # addresses become links
-    # these characters are special only where they begin headings, lists, quotations or rules
+    r"|(?<![A-Za-z0-9])_|_(?![A-Za-z0-9])"  # `_` is escaped only at the ends of a word
+    r"|\](?=[(\[:])"  # `]` is escaped only where it could end a link
+    r"|(?<=:)/(?=/)|(?<=www)\."  # web addresses must not become links
+    # at the start of a text, these characters would begin a heading, a list, a quotation or a rule
     r"|^(?:>|[-+](?=\s|$)|[#=-]+(?=\s|$))"
 )
 
 
 def markdown_text(text: str) -> str:
-    """Return the text on one line, escaped so that Markdown prints it unchanged."""
+    """Return the text on one line. Special characters of Markdown are escaped, so that it shows the
+    text unchanged.
+    """
     text = printable(" ".join(text.split())).replace("&", "&amp;").replace("<", "&lt;")
     return re.sub(r"^(\d+)([.)])(?=\s|$)", r"\1\\\2", _MARKUP.sub(r"\\\g<0>", text))
 
 
 def to_markdown(table: Table, text: Callable[[str], str] = markdown_text) -> str:
-    """Return a Markdown table with its title in bold and its notes below. The function `text`
-    escapes every text in it.
+    """Return a Markdown table with its title in bold above and its notes below. The function `text`
+    escapes every title, heading, cell and note.
     """
     rule = tuple("---:" if number else "---" for number in table.numeric)
     written = [tuple(map(text, line)) for line in (table.headings, *table.shown)]
@@ -240,12 +246,12 @@ def to_markdown(table: Table, text: Callable[[str], str] = markdown_text) -> str
 
 
 def to_latex(table: Table) -> str:
-    """Return a `tabular` with booktabs rules, title and notes as comments, and typeset equations;
-    it needs `\\usepackage{booktabs}`.
+    """Return a LaTeX `tabular` with typeset equations and the lines of the package booktabs. Title
+    and notes are comments. The document needs `\\usepackage{booktabs}`.
     """
     kept = [j for j, column in enumerate(table.columns) if column.form != "text"]
     sources = [j for j in kept if table.columns[j].form == "source"]
-    # the widths are fractions of the width of the page
+    # all columns of equations together have three quarters of the width of the page
     equation = rf"p{{{0.75 / max(len(sources), 1):.3g}\linewidth}}"
     numbers = ["r" if number else "l" for number in table.numeric]
     align = "".join(equation if j in sources else numbers[j] for j in kept)
@@ -269,9 +275,10 @@ def to_latex(table: Table) -> str:
 
 
 def to_html(table: Table) -> str:
-    """Return a `<table>` with its title as caption; the first cell of a row is the row's heading.
+    """Return an HTML `<table>` with its title as caption. The first cell of a row is the heading of
+    the row.
 
-    Names of models are shown as people write them, also in headings.
+    Names of models are replaced by their titles, also in headings.
     """
     return environment().get_template("table.html").render(table=table, title_of=title_of).strip()
 
@@ -281,10 +288,10 @@ OTHERS = {**{name: learner.title for name, learner in LEARNERS.items()}, **SIMPL
 
 @lru_cache(maxsize=10_000)
 def title_of(text: str) -> str:
-    """Return the title of the model, or of the sum of models, that a text names (`Sárosi, hinged`
-    for `sarosi_hinged`); otherwise the text.
+    """Return the title of a model (`Sárosi, hinged` for `sarosi_hinged`). For a sum such as `a+b`,
+    return the titles of all models in it. A text that names no known model is returned unchanged.
     """
-    # imported here because a single table needs no formulas
+    # imported only here, because most tables need no formulas
     from mapmore_cli.modelling import literature
 
     names = text.split("+")
@@ -300,7 +307,7 @@ def environment() -> Environment:
     """Return the Jinja environment with the templates of the package. Its filters write tables,
     figures and sentences as HTML.
     """
-    # Jinja is imported here, because tables and figures do not need it
+    # imported only here, because text tables and figures do not need Jinja
     from jinja2 import (
         Environment,
         PackageLoader,

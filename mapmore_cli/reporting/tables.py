@@ -1,4 +1,4 @@
-"""Make the tables of the report about the data, the errors and the equations of the model."""
+"""Make the tables of a report about the data, the errors, and the equations of the model."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mapmore_cli.reporting.table import FROM_TO, Cells, Column, Columns, Table
 
 
 def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
-    """Return the table of errors: a row for each band of measured values, a column for each
+    """Return a table of errors, with a row for each band of measured values and a column for each
     model.
     """
     models = list(sizes[0].rmse) if sizes else []
@@ -28,8 +28,8 @@ def bands_table(sizes: Sequence[ErrorBand], unit: str) -> Table:
 
 
 def recordings_table(dataset: Dataset) -> Table:
-    """Return a table with the numbers of rows of every file that were read, kept, and dropped for
-    each reason.
+    """Return a table with a row for each recording: how many rows of its file were read, how many
+    were kept, and how many were dropped for each reason.
     """
     reasons = list(dict.fromkeys(reason for one in dataset.recordings for reason in one.dropped))
     columns = ("recording", "file", "read", "kept")
@@ -58,11 +58,12 @@ SINGLE_VALUED_NOTE = (
 
 def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | None = None) -> Table:
     """Return a table of the curves, with their numbers of training and held-out samples in the
-    `whole` dataset. Samples at rest are in neither number, unless they are held out.
+    `whole` dataset. Samples at rest are not used for training, so they are counted only if they are
+    held out.
 
     `along` is the quantity that varies within a curve. A static model has a single output for each
-    value of `along`. If measured curves have several outputs at one value, a column gives the error
-    of the best single-valued function through each curve.
+    value of `along`. If measured curves have several outputs for one value (loops), a further
+    column gives the smallest error that a monotone function of `along` can have on each curve.
     """
     level = f"level [{dataset.unit(dataset.level)}] .6g" if dataset.level else "level"
     columns = ["curve", level, "train", "validate", "recordings"]
@@ -80,13 +81,15 @@ def levels_table(dataset: Dataset, along: str | None = None, whole: Dataset | No
 
 
 def sample_counts(curve: Curve) -> dict[str, int]:
-    """Return the numbers of training samples (`train`) and of held-out samples (`validate`)."""
+    """Return the number of training samples (`train`) and the number of held-out samples
+    (`validate`) of a curve.
+    """
     return {"train": int(curve.training.sum()), "validate": int(curve.held_out.sum())}
 
 
 def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
-    """Return the error of the best single-valued function through each curve, as a fraction of the
-    largest target. The list is empty if all these errors are small.
+    """Return the smallest RMSE that a monotone function of `along` can have on each curve, as a
+    fraction of the largest target of all curves. The list is empty if all these errors are small.
     """
     if along is None or dataset.level is None or along == dataset.level:
         return []
@@ -96,8 +99,8 @@ def _single_valued(dataset: Dataset, along: str | None) -> list[float]:
 
 
 def pieces_table(equations: Sequence[Equation], title: str) -> Table:
-    """Return the model in a form that can be computed by hand: every piece, its range, and its
-    equation.
+    """Return a table from which the model can be computed by hand: every piece with its weight and
+    its equation.
     """
     rows = [(one.id, one.weight or None, one.text) for one in equations]
     if any(one.weight for one in equations):
@@ -106,9 +109,9 @@ def pieces_table(equations: Sequence[Equation], title: str) -> Table:
 
 
 def limits_tables(model: Model) -> Iterator[Table]:
-    """Yield tables of the training range of each input within each curve, for a model and all
-    models that it contains. The outputs of one model share the tables, because they have the same
-    ranges.
+    """Yield a table of the training ranges of the inputs in each curve, for a model and for all
+    models that it contains. If a model has several outputs, there is one table for all of them,
+    because they have the same ranges.
     """
     several = len(model.each) > 1
     for number, one in enumerate(model.each[:1] if several else model.every):
@@ -135,8 +138,8 @@ def limits_tables(model: Model) -> Iterator[Table]:
 
 
 def shape_table(inputs: ReportInputs) -> Table:
-    """Return a table of the known shape of the output along inputs: by how much the model violates
-    this shape, and the ranges in which the shape determined the coefficients.
+    """Return a table of the known shape of the output along inputs, for example increasing: by how
+    much the model violates this shape, and the ranges in which the shape changed the coefficients.
     """
     unit, shape = inputs.model.output.unit, inputs.model.shape
     known = {(one.quantity, one.word): one for one in (shape.kept if shape else ())}
@@ -171,9 +174,9 @@ VIOLATED = (
 def equations_table(
     equations: Sequence[Equation], others: Mapping[str, Sequence[Equation]]
 ) -> Table:
-    """Return a table with a row for each equation of the model. There are two columns, text and
-    LaTeX source, for the physical units. Each other set of units in `others` has two such columns,
-    too.
+    """Return a table with a row for each equation of the model. For the physical units, there are
+    two columns: the equation as text and as LaTeX source. Each other set of units in `others` adds
+    two such columns.
     """
     with_units = [f"with {units}" for units in others]
     texts = [Column(name, form="text") for name in ("equation", *with_units)]

@@ -1,1 +1,3 @@
-"""Draw the figures of the report: choose data, draw on given axes, save as SVG."""
+"""Draw the figures of the report: choose the data, draw them on axes, and write the figure as
+SVG.
+"""

@@ -22,8 +22,15 @@ Place = Callable[[Any], Array]
 
 @dataclass
 class Axis:
-    """One axis: the range of its data, with `least` as the smallest positive value, its scale, and
-    its ticks.
+    """Axis of a figure.
+
+    - `margin`: fraction of the range of the data that is added at each end of the axis.
+    - `low`, `high`, `least`: smallest, largest, and smallest positive value of the data. A
+      logarithmic axis begins at `least`.
+    - `limits`: ends of the axis if they do not follow from the data.
+    - `subs`: multiples of the powers of ten that a logarithmic axis labels.
+    - `most`: largest number of steps between ticks.
+    - `ticks`: label of each tick by its value; None if the ticks follow from the ends.
     """
 
     margin: float
@@ -62,13 +69,13 @@ class Axis:
         return self.low - margin, self.high + margin
 
     def set_ends(self, low: float | None, high: float | None) -> None:
-        """Set where the axis begins, where it ends, or both."""
+        """Set the start of the axis, its end, or both. An end that is None stays where it is."""
         known = self.ends
         self.limits = (known[0] if low is None else low, known[1] if high is None else high)
 
     def set_ticks(self, at: Iterable[float], names: Sequence[str] | None) -> None:
-        """Set the values at which ticks stand. `names` are their labels, or None to label them with
-        these values.
+        """Set the values of the ticks. `names` are the labels of the ticks; without them, the
+        labels are the values.
         """
         places = [float(one) for one in at]
         words = [f"{one:g}" for one in places] if names is None else names
@@ -110,9 +117,11 @@ class Axis:
 
 
 def nice_ticks(low: float, high: float, most: int) -> list[float]:
-    """Return at most `most` + 1 multiples of 1, 2, 2.5 or 5 times a power of ten within a range."""
+    """Return at most `most` + 1 evenly spaced values within a range. Their distance is 1, 2, 2.5 or
+    5 times a power of ten, and all of them are multiples of this distance.
+    """
     span = high - low
-    # numbers that differ only in their last bits have no ticks between them
+    # no ticks fit between two ends that differ only by rounding
     if not (math.isfinite(span) and span > SAME * max(abs(low), abs(high))):
         return [low]
     power = 10.0 ** math.floor(math.log10(span / most))

@@ -1,4 +1,6 @@
-"""Draw errors in bands of the measured value, to show how good a model is at small values."""
+"""Draw the errors of models in bands of the measured value, to show how good the models are at
+small values.
+"""
 
 from __future__ import annotations
 
@@ -17,8 +19,8 @@ if TYPE_CHECKING:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure with a line for each model, over the bands of the measured value. Its scale
-    is logarithmic if the errors differ much.
+    """Return one figure with a line for each model: its RMSE in each band of the measured value.
+    The axis of the RMSE is logarithmic if the errors differ by more than a factor of 20.
     """
     sizes, unit = inputs.validation.bands, inputs.target.unit
     models = [model for model in inputs.lines if model not in inputs.failed]
@@ -52,7 +54,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _short(value: float) -> str:
-    """Return a number with three digits. From 1000 to 100 000, return all digits before the decimal
-    point.
+    """Return a number as text with three significant digits. A number from 1000 to 100 000 is
+    rounded to an integer.
     """
     return f"{value:.0f}" if 1000 <= abs(value) < 1e5 else f"{value:.3g}"

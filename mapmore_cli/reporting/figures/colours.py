@@ -1,4 +1,6 @@
-"""Provide colours by the names that figures use, and colour maps, without Matplotlib."""
+"""Convert the names of colours in figures to colours of SVG, and provide colour maps, without
+Matplotlib.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,7 @@ Matplotlib (viridis).
 
 
 def colour_at(name: str, share: float) -> str:
-    """Return the colour of a map at a fraction of its length, as `#rrggbb`."""
+    """Return the colour at the fraction `share` (0 to 1) of a colour map, as `#rrggbb`."""
     colours = np.array([list(bytes.fromhex(one)) for one in MAPS[name].split()], dtype=float)
     place = np.clip(share, 0.0, 1.0) * (len(colours) - 1)
     below = min(int(place), len(colours) - 2)
@@ -30,7 +32,7 @@ def colour_at(name: str, share: float) -> str:
 
 def hex_of(colour: Any) -> str:
     """Return a colour in a form that SVG accepts. A grey such as `0.3`, which only Matplotlib
-    accepts, is converted.
+    accepts, is converted. Raises TypeError for a colour that is not a text.
     """
     if not isinstance(colour, str):
         raise TypeError(f"{colour!r} is not the name of a colour")
@@ -41,13 +43,15 @@ def hex_of(colour: Any) -> str:
 
 @dataclass(frozen=True)
 class Shades:
-    """Colours of the bands between `levels`, (n,), which are taken from the colour map `cmap`."""
+    """Colours for values. Each band between two neighbouring `levels`, (n,), has one colour of the
+    colour map `cmap`.
+    """
 
     cmap: str
     levels: Array
 
     def of(self, values: Any) -> list[str]:
-        """Return the colours of values; an empty text for NaN."""
+        """Return the colour of each value. The colour of NaN is an empty text."""
         bands = len(self.levels) - 1
         places = np.clip(np.searchsorted(self.levels, values, side="right") - 1, 0, bands - 1)
         shares = places / max(bands - 1, 1)

@@ -1,5 +1,5 @@
-"""Draw the drift of a muscle over several campaigns for `mapmore compare`, and draw a single model
-for notebooks.
+"""Draw how a muscle changes over several campaigns (for `mapmore compare`), and draw a single model
+(for notebooks).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ POINTS = 201
 def drift_drawing(
     names: Sequence[str], points: Sequence[ReferencePoint], output: Quantity
 ) -> Drawing:
-    """Return the figure of the drift: a line for each reference point with a dot for each campaign,
-    in per cent of the first campaign.
+    """Return the figure of the drift: a line for each reference point, with a dot for each
+    campaign. A dot is the output of the model in per cent of the output in the first campaign.
     """
 
     def on(ax: Axes) -> None:
@@ -47,14 +47,14 @@ def drift_drawing(
 
 
 def draw_model(ax: Axes, model: Model, level: float | None, held_out: Sequence[Curve]) -> None:
-    """Draw a line for every training curve over the input that varies most within it, with the
-    other inputs in the middle of their ranges. For `held_out` curves, draw samples as dots, and the
-    model at them as a dashed line.
+    """Draw the model for every training curve as a line over the input that varies most within it.
+    The other inputs are in the middle of their ranges. For each of the `held_out` curves, draw the
+    samples as dots, and the model at these samples as a dashed line.
 
-    With `level`, for example 0.95, draw the band of that interval around each line.
+    If `level` is given, for example 0.95, draw the prediction interval with this probability around
+    each line as a band.
 
-    Raises TypeError for a model without training curves, because it runs along recordings or is a
-    sum.
+    Raises TypeError for a model without training curves: a model with memory, or a sum of models.
     """
     if not isinstance(model.body, Pieces | Formula):
         raise TypeError(

@@ -9,7 +9,9 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Ends
 
 Outline = tuple[list[float], list[float]]
-"""Corners of a region in their order: their horizontal places, and their heights."""
+"""Corners of a region in the order of its outline: their horizontal and their vertical
+coordinates.
+"""
 
 
 def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Outline]:
@@ -24,7 +26,8 @@ def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Out
     regions: list[Outline] = [([], []) for _ in rows[0]]
     for number, (intervals, height) in enumerate(zip(rows, heights.tolist(), strict=True)):
         before = rows[number - 1] if number else intervals
-        if len(intervals) != len(before):  # regions begin and end half-way between two rows
+        # if the number of regions changes, old ones end and new ones begin between the two rows
+        if len(intervals) != len(before):
             middle = (heights[number - 1] + height) / 2
             _go_on(regions, before, middle)
             outlines += [_closed(region) for region in regions]
@@ -35,7 +38,9 @@ def outlines_above(x: Array, heights: Array, z: Array, level: float) -> list[Out
 
 
 def _go_on(regions: Sequence[Outline], intervals: Sequence[Ends], height: float) -> None:
-    """Extend the open regions by a row. A left and a right corner are added to each."""
+    """Extend each region by one row: add the two ends of its interval, at the height of the row, to
+    the corners of the region.
+    """
     for (across, up), ends in zip(regions, intervals, strict=True):
         across.extend(ends)
         up.extend((height, height))
@@ -62,8 +67,9 @@ def _intervals(x: Array, z: Array, level: float) -> list[Ends]:
 
 
 def _crossing(x: Array, z: Array, level: float, inside: int, outside: int) -> float:
-    """Return the x at which a row crosses a level between two neighbours. At the edge of the grid,
-    return the x of the inner neighbour.
+    """Return the x at which `z` crosses a level between two neighbours in a row, by linear
+    interpolation. If the outer neighbour does not exist or is NaN, return the x of the inner
+    neighbour.
     """
     if not 0 <= outside < len(z) or not np.isfinite(z[outside]):
         return float(x[inside])

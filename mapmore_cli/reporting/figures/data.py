@@ -20,14 +20,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_RECORDINGS, MOST_QUANTITIES = 5, 12
-"""Largest number of panels side by side and below each other; the time to draw them grows with the
-square of their number.
+"""Largest number of recordings (side by side) and of quantities (below each other). The time for
+drawing grows with the square of the number of axes.
 """
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return a figure with one panel for each recording. A panel has a pair of axes for each
-    quantity, drawn over time, or over the number of the sample if the time is unknown.
+    """Return a figure with one panel for each recording. A panel has separate axes for each
+    quantity. The quantity is drawn over time, or over the number of the sample if the time is
+    unknown.
     """
     recordings = [recording for recording in inputs.dataset.recordings if recording.rows_kept]
     shown = [recordings[i] for i in places(inputs, [one.id for one in recordings], MOST_RECORDINGS)]
@@ -50,7 +51,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         if "time" not in recording.columns:
             columns = {"Sample (–)": np.arange(recording.rows_kept, dtype=float), **columns}
         x_label, *others = columns
-        # the axes are low, so the unit stands on a second line of the label
+        # the axes are too low for the whole label, so the unit stands on a second line
         labels = ["\n".join(label.rsplit(" ", 1)) for label in others]
         labels += [""] * (height - len(others))
         on = partial(draw_columns, columns=columns)
@@ -65,15 +66,15 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _which(count: int) -> str:
-    """Return a text that says which of the quantities are drawn."""
+    """Return the words of the caption that say which of the `count` quantities are drawn."""
     if count <= MOST_QUANTITIES:
         return "every quantity"
     return f"the target and {MOST_QUANTITIES - 1} of {count - 1} other quantities"
 
 
 def draw_columns(*axes: Axes, columns: Mapping[str, Array]) -> None:
-    """Draw each column except the first over the first, in separate axes, thinned so that its peaks
-    remain.
+    """Draw each column over the first column, in separate axes. Long columns are thinned so that
+    their peaks remain.
     """
     x, *others = columns.values()
     for ax, values in zip(axes, others, strict=False):

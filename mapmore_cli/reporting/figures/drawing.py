@@ -1,5 +1,6 @@
-"""Represent figures as data: panels with functions that draw them, found by name, arranged on a
-page or drawn one by one for a paper.
+"""Define figures as data, and draw them. A figure consists of panels, each with a function that
+draws it. Figures are found by name; all panels of a figure are drawn together for a page, or one
+panel is drawn alone for a paper.
 """
 
 from __future__ import annotations
@@ -29,16 +30,20 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 POINTS = 72
-"""Points per inch. Figures have as many dots per inch, so that measured lengths are points."""
+"""Points per inch. Figures have the same number of dots per inch, so that lengths which Matplotlib
+measures in dots are lengths in points.
+"""
 
 DOUBLE = 7.16
 """Width of two columns of a journal page, inches."""
 
 LEGEND_SCALE = 1.4
-"""Ratio of the size of marks in a legend made from the drawing to their size on the axes."""
+"""Size of the markers in a legend relative to their size in the panels, if the legend is made from
+what is drawn.
+"""
 
 BESIDE = 0.5
-"""Width that the labels of the y axis of a panel take, inches."""
+"""Width in inches that the labels of a y axis take."""
 
 Values = Sequence[Any] | np.ndarray
 
@@ -48,8 +53,8 @@ class Panel:
     """Panel of a figure: the smallest part that can be shown alone. It has one or more axes below
     each other that share the x axis.
 
-    - `key`: name that distinguishes it within its figure, for example of a curve or a model; empty
-      if the figure has no other panel.
+    - `key`: name that no other panel of the figure has, for example the name of a curve or a model;
+      empty if the figure has no other panel.
     - `draw`: function that draws on the given axes, from top to bottom.
     - `data`: the numbers that are drawn, by heading with unit, (n,) each; empty if they are not
       written beside the figure.
@@ -64,7 +69,7 @@ class Panel:
 
     @property
     def reach(self) -> str:
-        """The smallest and the largest number of each column, in a sentence."""
+        """Sentence with the smallest and the largest number of each column."""
         columns = ((name, np.asarray(values)) for name, values in self.data.items())
         known = ((name, x[np.isfinite(x)]) for name, x in columns if x.dtype.kind == "f")
         words = [f"{name} {x.min():.3g} to {x.max():.3g}" for name, x in known if len(x)]
@@ -75,13 +80,13 @@ class Panel:
 class Layout:
     """Arrangement of the panels of a figure on a page.
 
-    - `height`: inches of one row of panels.
+    - `height`: height of one row of panels, inches.
     - `stack`: relative heights of the axes of a panel, from top to bottom.
-    - `columns`: panels side by side; by default up to three.
-    - `width`: inches of the whole figure; by default, one column of a journal page for one panel,
-      otherwise two.
+    - `columns`: number of panels side by side; 0 means up to three (two if there are four panels).
+    - `width`: width of the whole figure, inches; 0 means one column of a journal page for one
+      panel, and two columns for several.
     - `common_x`: True if all panels share the x axis.
-    - `common_y`: panels that share the y axis: `none`, those of a `row`, or `all`.
+    - `common_y`: panels that share the y axis: `none`, the panels of a `row`, or `all`.
     - `projection`: `3d` for axes with three dimensions.
     """
 
@@ -119,10 +124,11 @@ class Drawing:
 
 
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
-    """Return the figures with this name in a spec; an empty list if there is nothing to draw.
+    """Return the figures that a spec requests by this name; an empty list if there is nothing to
+    draw.
 
-    The function `draw` in the module of this name makes the figures. The module belongs to mapmore
-    or to a plugin.
+    The module of the same name, from mapmore or from a plugin, makes the figures in its function
+    `draw`.
     """
     module = _modules().get(name)
     if module is None:
@@ -130,7 +136,8 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
     try:
         figures: list[Drawing] = module.draw(inputs)
         if not module.__name__.startswith("mapmore_cli."):
-            for drawing in figures:  # a plug-in may also fail when its figure is drawn
+            # drawn here once, because a figure of a plug-in may fail only when it is drawn
+            for drawing in figures:
                 compose(drawing, inputs.style)
     except Exception as fault:
         if plugins.blamed(fault) is None:
@@ -142,17 +149,19 @@ def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
 
 @cache
 def _modules() -> dict[str, ModuleType]:
-    """Return all modules of figures by name: those that draw, and those that they import."""
+    """Return the modules of this package and of plugins, by name. A module with the name of a
+    figure draws this figure; the other modules only provide functions.
+    """
     assert __package__ is not None
     return {part.name: part.value for part in plugins.parts("figures", ModuleType, __package__)}
 
 
 def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Panel]:
-    """Return the panel of a curve, a recording or a model, even if the page does not show this
-    panel.
+    """Return the panel of a curve, a recording or a model, together with its figure, even if the
+    page does not show this panel.
 
-    - `words`: key of the panel, or another name of a curve: its level (`250` or `250 kPa` for
-      `pressure=250`), or a log that was cut.
+    - `words`: key of the panel. For a curve, its level is enough (`250` or `250 kPa` for
+      `pressure=250`). For a recording that was cut from a log, the name of the log is enough.
 
     Raises UsageError for an unknown panel; the message names the known ones.
     """
@@ -173,14 +182,17 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
 
 
 NARROW = 3.5
-"""Inches of a panel that a screen of 400 pixels shows with letters that can be read."""
+"""Largest width in inches of a panel that is still readable on a screen of 400 pixels."""
 
 
 @dataclass(frozen=True)
 class RenderedFigure:
-    """A figure as SVG; `width` is in inches, and `numbers` are the data from which it was drawn
-    (CSV). `columns` is the number of panels side by side. On a narrow screen, these panels are
-    placed below each other.
+    """Figure as SVG.
+
+    - `width`: width of the figure, inches.
+    - `columns`: number of panels side by side. On a narrow screen, these panels are placed below
+      each other.
+    - `numbers`: the data from which the figure was drawn, as CSV.
     """
 
     name: str
@@ -192,7 +204,9 @@ class RenderedFigure:
 
     @property
     def is_wide(self) -> bool:
-        """Return True if a panel is wider than a narrow screen, so that it is scrolled there."""
+        """Return True if a panel is wider than a narrow screen, so that a reader must scroll it
+        there.
+        """
         return self.width / self.columns > NARROW
 
 
@@ -222,8 +236,10 @@ class Arrangement(NamedTuple):
 def arranged(
     drawing: Drawing, style: FigureStyle, panel: Panel | None = None, width: float | None = None
 ) -> Arrangement:
-    """Return the arrangement of the panels of a figure on a page, or of one `panel` in the width of
-    the style. A `width` limits the width of all panels together, so that fewer panels than usual
+    """Return the arrangement of all panels of a figure on a page. If a `panel` is given, return the
+    arrangement of this panel alone, in the width that the style defines.
+
+    A `width`, in inches, limits the width of all panels together, so that fewer panels than usual
     may stand side by side.
     """
     grid, panels = drawing.grid, drawing.panels if panel is None else (panel,)
@@ -245,8 +261,9 @@ def _letter(size: float) -> float:
 
 
 def legend_columns(labels: Sequence[str], width: float, size: float) -> int:
-    """Return how many entries of a legend are placed side by side. The longest label determines how
-    many fit; the rows have nearly equal lengths.
+    """Return how many entries of a legend are placed side by side in a `width` in inches, with a
+    font size in points. The longest label determines the largest possible number. A smaller number
+    is returned if this makes the rows of entries more equal.
     """
     most = max(1, int(width / (_letter(size) * (max(map(len, labels)) + 7.6))))
     return math.ceil(len(labels) / math.ceil(len(labels) / most))
@@ -258,8 +275,8 @@ def compose(
     panel: Panel | None = None,
     width: float | None = None,
 ) -> Figure:
-    """Draw all panels of a figure in the grid of a page; or one `panel` with the legend of the
-    figure, in the width of the style.
+    """Draw all panels of a figure as they are arranged on a page. If a `panel` is given, draw this
+    panel alone, with the legend of the figure, in the width that the style defines.
 
     A `width`, in inches, limits the width of all panels together, so that fewer panels than usual
     may stand side by side.
@@ -293,7 +310,7 @@ def compose(
         scale = 1.0 if drawing.legend else LEGEND_SCALE
         figure.legend(handles, labels, loc="outside upper left", ncols=ncols, markerscale=scale)
     figure.align_ylabels()
-    # the layout is computed once, so that the positions are the same in every format
+    # the layout is computed only here, so that all file formats have the same positions
     ConstrainedLayoutEngine().execute(figure)
     return figure
 
@@ -334,12 +351,12 @@ _GROUP_ID = re.compile(r'<g id="(?:(map)|[^"]*)"')
 
 
 def to_svg(figure: Figure, name: str, alt: str) -> str:
-    """Return an `<svg>` element for a page or for a separate file.
+    """Return an `<svg>` element for a page or for a separate file. `alt` is its description.
 
-    It contains no date and no creator, and definitions are named by a hash of their content, salted
-    with the `name`. Names of groups (`axes_1`) are removed, because they would repeat between the
-    figures of a page. Groups with the name `map` get the class `map` instead, so that a dark page
-    does not invert their colours.
+    The element contains no date and no creator. Definitions are named by a hash of their content
+    and of the `name`, so that the same figure always gives the same text. Names of groups
+    (`axes_1`) are removed, because they would repeat between the figures of a page. A group with
+    the name `map` gets the class `map` instead, so that a dark page does not invert its colours.
     """
     from matplotlib import rc_context
 
@@ -356,16 +373,17 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
 
 
 def to_bytes(figure: Figure, suffix: str, name: str, alt: str) -> bytes:
-    """Return a figure with its name and its description as a file with this `suffix`, within
+    """Return the contents of a file with a figure, in the format with this `suffix`. `name` is the
+    name of the figure, and `alt` is its description. Call this function in the context
     `figure_style`.
 
-    Neither a date nor the name of a program is written. The fonts of a PDF are embedded in the form
-    that journals accept (Type 42).
+    Neither a date nor the name of a program is written. The fonts of a PDF are embedded as Type 42,
+    which journals accept.
     """
     if suffix == "svg":
         return (SVG_PROLOGUE + to_svg(figure, name, alt)).encode()
     if suffix == "pgf":
-        # imported here because this import takes a third of the time of all imports for figures
+        # imported only if needed, because this takes a third of the time of all imports for figures
         from mapmore_cli.reporting.pgf import to_pgf
 
         return to_pgf(figure).encode()

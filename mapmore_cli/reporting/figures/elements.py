@@ -18,7 +18,7 @@ from mapmore_cli.domain.foreign import xml_text
 from mapmore_cli.reporting.figures.colours import hex_of
 
 DASHES = {"-": (), "--": (3.7, 1.6), "-.": (6.4, 1.6, 1, 1.6), ":": (1, 1.65)}
-"""Lengths of dashes and gaps, in widths of their line."""
+"""Lengths of dashes and gaps, as multiples of the width of the line."""
 
 CROSS = "-1,-1 1,1 nan,nan -1,1 1,-1"
 SHAPES = {
@@ -31,13 +31,14 @@ SHAPES = {
     "X": CROSS,
     "P": "-1,0 1,0 nan,nan 0,-1 0,1",
 }
-"""Corners of markers with a radius of one, with gaps between strokes; a circle has none."""
+"""Corners of markers with a radius of one. NaN separates strokes. A circle has no corners."""
 
 ANCHORS = {"left": "start", "center": "middle", "right": "end"}
 
 
 def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = False) -> str:
-    """Return the data of a path through points, with a gap at NaN, or of a dot at each point.
+    """Return the attribute `d` of an SVG path: lines through points, with a gap at NaN. If `dots`
+    is True, the path has a dot at each point instead of lines.
 
     Every point after the first is written as a step from the point before it, because a step takes
     half as many characters as a position. Rounding errors of steps do not add up, because positions
@@ -59,16 +60,18 @@ def path(x: Sequence[float] | Array, y: Sequence[float] | Array, dots: bool = Fa
 
 
 def _step(across: float, up: float) -> str:
-    """Return a step across and up as text. Both arguments count tenths of a point. A space
-    separates the two numbers unless the second has a minus sign.
+    """Return a step in x and y as text. Both arguments are in tenths of a point. A space separates
+    the two numbers unless the second begins with a minus sign.
     """
     top = _tenths(up)
     return _tenths(across) + ("" if top.startswith("-") else " ") + top
 
 
-@lru_cache(4096)  # most steps are short, so many texts are equal
+@lru_cache(4096)  # most steps are short, so the same numbers occur often
 def _tenths(count: float) -> str:
-    """Return a number of tenths as a decimal number without a zero before its point: 3 as `.3`."""
+    """Return a number, given in tenths, as a decimal number without a zero before the point: 3 as
+    `.3`.
+    """
     return re.sub(r"^(-?)0\.", r"\1.", f"{count / 10 + 0.0:.1f}".removesuffix(".0"))
 
 
@@ -92,7 +95,9 @@ def line_svg(x: Array, y: Array, look: dict[str, Any]) -> str:
 
 
 def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) -> str:
-    """Return SVG elements that draw a marker at each point: circles, or one path for all."""
+    """Return SVG elements that draw a marker at each point. Circles with an edge are separate
+    elements; all other markers form a single path.
+    """
     radius, shape = look.get("markersize", 6) / 2, SHAPES[marker]
     filled = hex_of(look.get("markerfacecolor", colour))
     edge = look.get("markeredgewidth", 1.0) or (0.6 if marker in "xXP" else 0.0)
@@ -103,7 +108,7 @@ def markers(x: Array, y: Array, marker: str, colour: str, look: dict[str, Any]) 
         corners = [corner.split(",") for corner in f"{shape} nan,nan".split()]
         outlines = places[:, None] + radius * np.array(corners, dtype=np.float64)
         return f'<path d="{path(*outlines.reshape(-1, 2).T)}" fill="{filled}"{stroke}/>'
-    if not edge:  # a step of length zero with round ends is a dot; equal dots are drawn once
+    if not edge:  # a line of length zero with round ends is a dot; of equal dots, one is drawn
         left, top = np.unique(np.round(places, 1), axis=0).T
         return (
             f'<path d="{path(left, top, dots=True)}" stroke="{filled}" '
@@ -120,7 +125,9 @@ def box(left: float, top: float, right: float, bottom: float, look: str) -> str:
 
 
 def face(look: dict[str, Any]) -> str:
-    """Return the SVG attributes of the face of a bar. A hatched bar gets a pale colour."""
+    """Return the SVG attributes with which a bar is filled and outlined. A hatched bar gets a pale
+    colour.
+    """
     edge = hex_of(look["edgecolor"])
     inside = look["facecolor"] if look["hatch"] is None else look["edgecolor"]
     opacity = "" if look["hatch"] is None else ' fill-opacity=".18"'
@@ -130,8 +137,8 @@ def face(look: dict[str, Any]) -> str:
 def text(
     words: str, x: float, y: float, size: float, anchor: str = "start", turned: bool = False
 ) -> str:
-    """Return the SVG elements of a text at a position, one for each line. If `turned`, the text
-    runs upwards.
+    """Return the SVG element of a text at a position, with a part for each line of the text. If
+    `turned` is True, the text runs upwards.
     """
     turn = f' transform="rotate(-90 {x:.1f} {y:.1f})"' if turned else ""
     lines = words.split("\n")

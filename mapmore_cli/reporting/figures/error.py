@@ -20,9 +20,9 @@ SHARE = ("axes fraction", "axes fraction")
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel for each model, all with the same axes. A panel shows the samples of all
-    curves. Training samples are pale dots, and held-out samples are dots above them in the colour
-    of the model.
+    """Return a figure with one panel for each model; all panels have the same axes. A panel shows
+    the samples of all curves. Training samples are pale dots. Held-out samples are dots in the
+    colour of the model, drawn on top of the pale dots.
     """
     target, unit, looks = inputs.target.name, inputs.target.unit, panels.looks_of(inputs)
     order = np.argsort(inputs.pooled(inputs.dataset.target), kind="stable")
@@ -30,8 +30,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     held_out = inputs.pooled_held_out[order]
 
     def on(ax: Axes, error: Array, look: ModelStyle, words: str) -> None:
-        """Draw the errors of a model; `words` is a remark on the axes that says why no dots, or not
-        all dots, are shown.
+        """Draw the errors of a model. If some or all dots lie outside the axes or are missing,
+        `words` is a remark with the reason, which is written into the panel.
         """
         panels.zero_line(ax)
         for rows, colour, size in ((~held_out, LIGHT, 1.6), (held_out, look.colour, 2.2)):

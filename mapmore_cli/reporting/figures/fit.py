@@ -1,9 +1,9 @@
 """Draw measured and predicted values. Recordings of motion and models with memory are drawn over
-time, models with memory also as loops. Everything else is drawn over the quantity that varies
-within a curve.
+time; models with memory are also drawn as loops. Everything else is drawn over the quantity that
+varies within a curve.
 
 Curves are drawn with the predictions above and the errors below, as in figures 9, 10, 12, 13 and 15
-of Veale, Xie and Anderson 2018. Training curves of a static model share one panel.
+of Veale, Xie and Anderson 2018. All training curves of a static model are drawn in one panel.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_TIMED, MOST_LOOPS, MOST_SPANS, MOST_CURVES = 5, 3, 6, 10
-"""Largest numbers of models over time, of recordings and models for loops, of grey regions of a
-curve, and of training curves.
+"""Largest numbers: of models in a figure over time; of recordings, and of models, in a figure of
+loops; of grey regions in a curve; and of training curves in a figure.
 """
 
 
@@ -52,11 +52,11 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 @dataclass(frozen=True)
 class CurveFit:
-    """Samples of one curve in the order in which they are drawn, each `(n,)`: measured `y` over
-    `x`, and the prediction of every model.
+    """Samples of one curve in the order in which they are drawn, (n,) each: measured `y` over `x`,
+    and the prediction of every model.
 
-    - `looks`: appearance of the models' lines; `far_off`: models that are so far off that they do
-      not affect the scale of the axes.
+    - `looks`: appearance of the line of each model.
+    - `far_off`: models with errors so large that they are ignored in the scale of the axes.
     - `interval`: ends of the prediction intervals of the run's own model (the first model), or
       None.
     - `pieces`: rows of each recording of the curve if the curve is drawn over time, otherwise
@@ -77,12 +77,15 @@ class CurveFit:
     shaded: Sequence[Ends]
 
     def predicted(self, model: str) -> bool:
-        """Return False if the model has no prediction because its fit failed."""
+        """Return True if the model has predictions. If its fit failed, all its predictions are
+        NaN.
+        """
         return bool(np.isfinite(self.predictions[model]).any())
 
     def draw(self, top: Axes, bottom: Axes, words: tuple[str, str]) -> None:
-        """Draw measured samples and a line for every model above, and predicted minus measured
-        values below. `words` are the legend entries for held-out samples and for all other samples.
+        """Draw measured samples and a line for every model in the upper axes, and predicted minus
+        measured values in the lower axes. `words` are the legend entries for held-out samples and
+        for all other samples.
 
         Over time, measured samples are a line; otherwise they are dots, filled if they are held
         out. A model without prediction is not drawn. If the predictions of a model are far off, the
@@ -127,8 +130,9 @@ class CurveFit:
 
 
 def curve_fit(inputs: ReportInputs, number: int, training: bool = False) -> CurveFit:
-    """Return curve `number` of the dataset with the models whose lines are drawn. If `training` is
-    True, return only the training samples of the curve, with the run's own model as the only model.
+    """Return the data for drawing curve `number` of the dataset: its samples, and the predictions
+    of the models that are drawn as lines. If `training` is True, the data contain only training
+    samples and the run's own model.
     """
     curve, timed, ends = inputs.dataset.curves[number], inputs.timed, inputs.interval(number)
     x = curve.columns[_axis(inputs).name]
@@ -176,8 +180,8 @@ def _plateaus(curve: Curve) -> list[Ends]:
 
 
 def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> list[Drawing]:
-    """Return one pair of axes for each of these curves, with predictions above and errors below; no
-    figure if there are no curves.
+    """Return a figure with a panel for each of the curves with these `numbers`: predictions above,
+    errors below. Return an empty list if there are no curves.
     """
     shown = panels.some_curves(inputs, numbers)
     if not shown:
@@ -223,8 +227,9 @@ def _labels(inputs: ReportInputs) -> tuple[str, str]:
 
 
 def own_words(inputs: ReportInputs) -> str:
-    """Return the words of a caption that say what `mapmore` stands for if the model has no pieces:
-    a formula that was fitted to these data, or a sum of models of other runs.
+    """Return a sentence for a caption that says which model `mapmore` is if it has no pieces: a
+    formula that was fitted to these data, or a sum of models of other runs. Otherwise return an
+    empty text.
     """
     if inputs.own != OWN or isinstance(inputs.model.body, Pieces):
         return ""
@@ -235,7 +240,7 @@ def own_words(inputs: ReportInputs) -> str:
 
 
 def _marks(inputs: ReportInputs, curves: Sequence[CurveFit]) -> str:
-    """Return the words of a caption about filled dots, grey lines and grey backgrounds."""
+    """Return sentences for a caption that explain filled dots, grey lines and grey backgrounds."""
     mixed = any(curve.held_out.any() and not curve.held_out.all() for curve in curves)
     if not inputs.timed:
         words = " Filled dots and grey bands mark held-out samples, open dots training samples."
@@ -265,8 +270,9 @@ def curve_data(inputs: ReportInputs, curve: CurveFit) -> dict[str, Values]:
 
 
 def training_figures(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure for the training curves, or for some of them if there are many: measured
-    samples coloured by curve with the lines of the model, and the errors in the same colours.
+    """Return a figure of the training curves: measured samples in a different colour for each
+    curve, with the lines of the run's own model, and below them the errors in the same colours. If
+    there are more than `MOST_CURVES` curves, some are chosen.
     """
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if not curve.held_out.all()]
     shown = [numbers[i] for i in panels.evenly(len(numbers), MOST_CURVES)]
@@ -302,8 +308,9 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def loop_figures(inputs: ReportInputs) -> list[Drawing]:
-    """Return a figure with a row of panels for each held-out recording. The run's own model and its
-    best competitors have a panel each, in which the model is drawn over the measured loops.
+    """Return a figure with a row of panels for each held-out recording. A row has a panel for the
+    run's own model and for each of its best competitors. A panel shows the predicted loops over the
+    measured loops.
     """
     numbers = [i for i, curve in enumerate(inputs.dataset.curves) if curve.held_out.any()]
     shown = panels.some_curves(inputs, numbers, MOST_LOOPS)
@@ -321,7 +328,9 @@ def loop_figures(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _loops(inputs: ReportInputs, number: int, styles: Mapping[str, ModelStyle]) -> Iterator[Panel]:
-    """Yield a panel for each model. Consecutive held-out samples are joined by a line."""
+    """Yield a panel for each model in `styles`. Consecutive held-out samples are joined by a
+    line.
+    """
     curve, along, target = inputs.dataset.curves[number], inputs.in_curve, inputs.target
     x, measured = (curve.columns[name] for name in (along.name, inputs.dataset.target))
     held = [rows[curve.held_out[rows]] for rows in curve.logs]

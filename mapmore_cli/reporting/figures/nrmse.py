@@ -1,4 +1,4 @@
-"""Draw the normalised errors as bars."""
+"""Draw the normalised errors of all models as bars."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     splits = [split for split in SPLITS if any((m, split) in errors for m in inputs.models)]
     if not splits:
         return []
-    # published numbers belong beside held-out data only
+    # published numbers are errors on held-out data, so they are not shown beside training errors
     paper = inputs.published if splits[0] == "validate" else None
     known = {} if paper is None else paper.nrmse
     published = {(m, "validate"): 100 * known[m] for m in inputs.models if m in known}

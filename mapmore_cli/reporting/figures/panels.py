@@ -1,5 +1,5 @@
-"""Draw the elements of panels (lines, dots, bands and labels), and write the sentences that
-captions share.
+"""Draw the elements of panels (lines, dots, bands and labels), and write sentences that occur in
+several captions.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_PANELS = 6
-"""Largest number of panels of curves in one figure; more curves are thinned."""
+"""Largest number of panels of curves in one figure. If there are more curves, some are left out."""
 
 DOTS = 200
 POINTS, SKETCHED = 2000, 600
-"""Largest number of dots of a curve, and of points of a line over time, in print and on a page;
-more are thinned.
+"""Largest number of dots for the samples of a curve; and largest number of points of a line over
+time, in figures by Matplotlib (`POINTS`) and in a `Sketch` (`SKETCHED`). If there are more, some
+are left out.
 """
 
 STRETCHES = 150
-"""Number of equal parts of the x axis in which a long line is summarised: with more than four
-samples per part, its mean and range in each part are drawn.
+"""Number of equal parts of the x axis for drawing a long line. If a part has more than four samples
+on average, the mean and the range of the samples in each part are drawn.
 """
 
 PALE = 0.15
@@ -47,7 +48,9 @@ DOT: dict[str, Any] = {"linestyle": "none", "marker": "o", "markersize": 3}
 
 
 def draw_line(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any) -> None:
-    """Draw a line or dots. The axes are extended to contain it only if `sets_scale` is True."""
+    """Draw a line or dots. The axes are extended to include all points only if `sets_scale` is
+    True.
+    """
     if is_sketch(ax):
         ax.plot(x, y, scales=sets_scale, **look)
     elif sets_scale:
@@ -59,13 +62,15 @@ def draw_line(ax: Axes, x: Array, y: Array, sets_scale: bool = True, **look: Any
 
 
 def draw_dots(ax: Axes, x: Array, y: Array, most: int = DOTS, **look: object) -> None:
-    """Draw samples as dots, thinned so that the extremes remain."""
+    """Draw samples as dots. If there are more than `most` samples, some are left out, but never the
+    smallest and the largest `y`.
+    """
     rows = cloud(y, most)
     draw_line(ax, x[rows], y[rows], **DOT | {"markeredgewidth": 0} | look)
 
 
 def draw_trace(ax: Axes, x: Array, y: Array, **look: Any) -> None:
-    """Draw a line over time, thinned so that its peaks remain."""
+    """Draw a line over time. A long line is thinned so that its peaks remain."""
     rows = envelope(y, SKETCHED if is_sketch(ax) else POINTS)
     draw_line(ax, x[rows], y[rows], **look)
 
@@ -89,8 +94,8 @@ def shade_between(
 
 
 def looks_of(inputs: ReportInputs) -> dict[str, ModelStyle]:
-    """Return the appearance of models in figures that show all of them; models whose lines are
-    drawn come first.
+    """Return the appearance of every model, for figures that show all models. Models that other
+    figures draw as lines come first, so that they look the same in all figures.
     """
     return model_styles([*inputs.lines, *inputs.models], inputs.style.palette)
 
@@ -101,8 +106,8 @@ def zero_line(ax: Axes) -> None:
 
 
 def cloud(y: Array, limit: int) -> IntArray:
-    """Return row numbers of at most `limit` finite samples, evenly spread, including the
-    extremes.
+    """Return the row numbers of at most `limit` finite samples, evenly spread, with the smallest
+    and the largest value among them.
     """
     rows = np.flatnonzero(np.isfinite(y))
     if len(rows) <= limit:
@@ -112,8 +117,8 @@ def cloud(y: Array, limit: int) -> IntArray:
 
 
 def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
-    """Divide the range of sorted `x` into equal intervals. Return, for every interval that contains
-    samples, its position and the mean, smallest and largest `y`, (m,) each.
+    """Divide the range of sorted `x` into equal intervals. For every interval that contains
+    samples, return the mean of `x` and the mean, smallest and largest `y`, (m,) each.
     """
     rows = np.flatnonzero(np.isfinite(y))
     edges = np.linspace(x[0], x[-1], STRETCHES + 1)[1:-1]
@@ -125,8 +130,8 @@ def band(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def evenly(count: int, limit: int) -> list[int]:
-    """Return at most `limit` of `count` numbers, evenly spread, including the first and the
-    last.
+    """Return at most `limit` of the indices 0, ..., `count` - 1, evenly spread, with the first and
+    the last among them.
     """
     return sorted({int(i) for i in np.linspace(0, count - 1, min(count, limit)).round()})
 
@@ -136,8 +141,8 @@ def evenly(count: int, limit: int) -> list[int]:
 
 
 def plain_logarithm(ax: Axes, side: Literal["x", "y"], subs: Sequence[float] | None = None) -> None:
-    """Give an axis a logarithmic scale with plain labels such as 0.5, 1, 2; `subs` are the labelled
-    multiples of the powers of ten.
+    """Give an axis a logarithmic scale with plain labels such as 0.5, 1, 2. `subs` are the
+    multiples of the powers of ten that are labelled.
     """
     if is_sketch(ax):
         scaled = ax.xaxis if side == "x" else ax.yaxis
@@ -161,7 +166,7 @@ def label_rows(ax: Axes, names: Sequence[str]) -> None:
 
 
 def write_beside(ax: Axes, row: float, text: str) -> None:
-    """Write a text at the right of a panel, at a small distance."""
+    """Write a text to the right of a panel, at the height of a row."""
     write_at(ax, text, (1.0, row), (5, 0), xycoords=("axes fraction", "data"), va="center")
 
 
@@ -186,7 +191,7 @@ class Key:
     look: dict[str, Any]
 
     def artist(self) -> Artist:
-        """Return the entry as Matplotlib draws it."""
+        """Return the entry as an object that Matplotlib can draw in a legend."""
         from matplotlib.lines import Line2D
         from matplotlib.patches import Patch
 
@@ -196,8 +201,8 @@ class Key:
 
 
 def colour_bar(ax: Any, shades: Any, label: str, **look: Any) -> None:
-    """Draw the colour bar of `shades` at the right of axes. The bar and the axes get the name
-    `map`, so that a dark page does not invert their colours.
+    """Draw a colour bar to the right of the axes. The colour bar and the coloured areas `shades`
+    get the name `map`, so that a dark page does not invert their colours.
     """
     bar = ax.figure.colorbar(shades, ax=ax, label=label, use_gridspec=False, **look)
     for part in () if is_sketch(ax) else (shades, bar.solids):
@@ -210,7 +215,9 @@ def key(label: str, **look: Any) -> Key:
 
 
 def heading(quantity: Quantity) -> str:
-    """Return the heading of a quantity's column in the table of the numbers that a panel shows."""
+    """Return the heading of the column of a quantity in the data of a panel, for example `force
+    [N]`.
+    """
     return f"{quantity.name} [{quantity.unit}]"
 
 
@@ -218,12 +225,12 @@ RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def raised(term: str) -> str:
-    """Return a term with raised powers: `strain²` for `strain^2`."""
+    """Return a term with exponents as superscripts: `strain²` for `strain^2`."""
     return re.sub(r"\^(\d+)(?![\d.])", lambda power: power[1].translate(RAISED), term)
 
 
 def shorten(text: str, length: int) -> str:
-    """Return the text, shortened in the middle if it is longer than `length`."""
+    """Return the text. If it is longer than `length`, letters in its middle are replaced by `…`."""
     if len(text) <= length:
         return text
     head = (length - 1) // 2
@@ -234,8 +241,9 @@ def told_apart(names: Sequence[str], length: int) -> list[str]:
     """Return the names shortened to at most `length` letters, so that different names stay
     different.
 
-    If one is too long, the words with which all names begin and end are left out, then the middle.
-    Names that are equal after this shortening get a number.
+    If a name is too long, words that are equal at the beginning or the end of all names are left
+    out first, then letters in the middle. If different names become equal by this, all names begin
+    with a number.
     """
     if len({*names}) < 2 or max(map(len, names)) <= length:
         return [shorten(name, length) for name in names]
@@ -251,16 +259,18 @@ def told_apart(names: Sequence[str], length: int) -> list[str]:
 
 
 def _alike(parts: Sequence[Sequence[str]]) -> int:
-    """Return the number of parts that are equal at the beginning of all names. The last part of the
-    shortest name is not counted, so that a part of every name is left.
+    """Return the number of words that are equal at the beginning of all names. `parts` holds the
+    words of each name. The last word of the shortest name is never counted, so that at least one
+    word of every name remains.
     """
     same = [len({*column}) == 1 for column in zip(*parts, strict=False)]
     return [*same[:-1], False].index(False)
 
 
 def titles(names: Sequence[str], length: int) -> list[str]:
-    """Return distinct names in lines of at most `length` letters: there are two lines, or three if
-    the names cannot be broken well.
+    """Return the names as titles with lines of at most `length` letters. A title has two lines, or
+    three if it cannot be broken well. Longer names are shortened so that different names stay
+    different.
     """
     return [textwrap.fill(name, length) for name in told_apart(names, 2 * length)]
 
@@ -279,18 +289,24 @@ def places(inputs: ReportInputs, ids: Sequence[str], most: int = MOST_PANELS) ->
 
 
 def some_curves(inputs: ReportInputs, numbers: Sequence[int], most: int = MOST_PANELS) -> list[int]:
-    """Return which of the curves with these numbers are drawn, by the same rule as `places`."""
+    """Return the numbers of the curves that are drawn, out of `numbers`, by the same rule as
+    `places`.
+    """
     ids = [inputs.dataset.curves[i].id for i in numbers]
     return [numbers[i] for i in places(inputs, ids, most)]
 
 
 def some_of(shown: int, count: int, what: str) -> str:
-    """Return a sentence that says how many of `count` objects are shown; empty if all are."""
+    """Return a sentence that says how many of `count` objects are drawn. Return an empty text if
+    all of them are drawn.
+    """
     return "" if shown == count else f" {shown} of {count} {what} are drawn, evenly spread."
 
 
 def best_of(shown: int, count: int) -> str:
-    """Return a sentence about the models whose lines are drawn; empty if all are."""
+    """Return a sentence about the models that are drawn. Return an empty text if all models are
+    drawn.
+    """
     if shown == count:
         return ""
     others = "other" if shown == 2 else f"{shown - 1} others"
@@ -298,13 +314,15 @@ def best_of(shown: int, count: int) -> str:
 
 
 def beyond_scale(models: Sequence[str]) -> str:
-    """Return a sentence about the models whose lines leave the panels; empty if there are none."""
+    """Return a sentence with the models whose errors are too large for the scale of the axes.
+    Return an empty text if there are none.
+    """
     return f" Too far off for the scale: {', '.join(map(title_of, models))}." if models else ""
 
 
 def interval_words(inputs: ReportInputs) -> str:
-    """Return the words of a caption that explain intervals; empty if the spec does not ask for
-    intervals.
+    """Return sentences for a caption that explain the intervals. Return an empty text if the spec
+    does not ask for intervals.
     """
     if inputs.left_out is None:
         return ""
@@ -317,8 +335,8 @@ def interval_words(inputs: ReportInputs) -> str:
 
 
 def thinned(sizes: Sequence[int]) -> str:
-    """Return a sentence about how curves with this many samples are thinned; empty if every sample
-    is drawn.
+    """Return sentences that say how curves with these numbers of samples are thinned. Return an
+    empty text if every sample is drawn.
     """
     words = SOME_DOTS if max(sizes) > DOTS else ""
     if max(sizes) > 4 * STRETCHES:

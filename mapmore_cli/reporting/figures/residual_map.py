@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel if the model has two inputs. Held-out samples are larger and have a rim."""
+    """Return a figure with one panel if the model has two inputs, otherwise an empty list. Dots of
+    held-out samples are larger and have a dark outline.
+    """
     plane = plane_of(inputs)
     if plane is None:
         return []

@@ -1,5 +1,5 @@
-"""Draw the residual tests of system identification: are a model's errors correlated with
-themselves, or with the inputs?
+"""Draw the residual tests of system identification, which show whether the errors of a model are
+correlated with each other or with the inputs.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_INPUTS = 11
-"""Largest number of inputs with a panel; the time to draw them grows with the square of their
-number.
+"""Largest number of inputs that have a panel. The time for drawing grows with the square of the
+number of panels.
 """
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return a panel for the autocorrelation of the residuals, and one for each input. If there are
-    many inputs, only those with the largest correlations get a panel. Without tests, return
-    nothing.
+    """Return a figure with a panel for the autocorrelation of the residuals, and a panel for each
+    input. If there are more than `MOST_INPUTS` inputs, only the inputs with the worst results get a
+    panel. If no tests were made, return an empty list.
     """
     if not inputs.validation.residual_tests:
         return []
@@ -34,7 +34,9 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     known = {quantity.name: quantity for quantity in inputs.model.inputs}
 
     def on(ax: Axes, test: ResidualTest) -> None:
-        """Draw values as stems over the range within which noise would lie."""
+        """Draw the values of a test as vertical lines. A grey band shows the range in which 95 % of
+        them lie if the errors are noise.
+        """
         ax.fill_between(test.x, -test.bounds, test.bounds, color=LIGHT, alpha=0.5, linewidth=0)
         zero_line(ax)
         ax.vlines(test.x, 0.0, test.values, color=colour, linewidth=0.8)
@@ -66,7 +68,9 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _autocorrelation(inputs: ReportInputs, own: ResidualTest) -> str:
-    """Return what the autocorrelation of the residuals shows, in plain words."""
+    """Return a sentence that says in plain words what the autocorrelation of the residuals
+    shows.
+    """
     along, cause = (
         ("in time", "dynamics") if inputs.timed else (f"along {inputs.in_curve.name}", "shape")
     )

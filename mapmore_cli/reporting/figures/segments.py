@@ -30,12 +30,14 @@ LOOKS = (
     (style.GREEN, "^", "-."),
     (style.PURPLE, "D", ":"),
 )
-"""Colours, markers and lines that the segments take one after the other."""
+"""Colour, marker and line style of the segments. The fifth segment is drawn like the first."""
 GRID = 401
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure for each segmented variable, and one of the model over the levels."""
+    """Return a figure of the segments for each segmented variable, and a figure of the model over
+    the levels.
+    """
     pieces = inputs.model.pieces
     if pieces is None or not pieces.segments:
         return []
@@ -49,10 +51,11 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 @dataclass(frozen=True)
 class SegmentCurve:
-    """One training curve along one segmented variable.
+    """Training samples of one curve with their segments along one variable.
 
-    `x`, `y` and `cell` (1-based number of the sample's segment) are (n,); `boundaries` is (count +
-    1,), including both ends.
+    `x`, `y` and `cell`, (n,) each, are the variable, the target, and the number of the sample's
+    segment (from 1). `boundaries`, (count + 1,), are the limits of the segments, including both
+    ends.
     """
 
     id: str
@@ -64,7 +67,9 @@ class SegmentCurve:
 
 
 def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
-    """Return the segmented curves along a variable, without held-out samples."""
+    """Return the training samples of every segmented curve, with their segments along the variable
+    with this index.
+    """
     training = training_curves(inputs.dataset.curves, by_level=inputs.model.level is not None)
     curves = {curve.id: curve for curve in training}
     made = []
@@ -104,8 +109,7 @@ def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: 
 
 
 def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) -> None:
-    """Draw the samples, coloured and marked by segment, and the weights below them, if there are
-    any.
+    """Draw the samples, coloured and marked by segment, and below them the weights of the segments.
 
     Boundaries are vertical lines, and transition zones are shaded (equations 10 and 11 of Veale,
     Xie and Anderson 2018).
@@ -130,10 +134,12 @@ def draw_segments(top: Axes, bottom: Axes, curve: SegmentCurve, fusion: Fusion) 
 
 
 def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
-    """Return one figure of the model over the levels, at three values of the quantity along a
-    curve, within the range that all curves share. All other inputs are in the middle of their
-    ranges. There is no figure if there are no levels to interpolate between, or if the weights of
-    the levels depend on the values of the curves (`pchip`).
+    """Return a figure of the model over the levels. It has a line for each of three values of the
+    quantity that varies within a curve; these values lie in the range that all curves share. All
+    other inputs are in the middle of their ranges.
+
+    Return an empty list if there are fewer than two levels, or if the weights of the levels depend
+    on the values of the curves (`pchip`).
     """
     if pieces.level is None or len(pieces.curves) < 2 or pieces.fusion.levels != "linear":
         return []
@@ -177,8 +183,8 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
 
 
 def _level_grid(pieces: Pieces, levels: Array) -> Array:
-    """Return values of the level quantity at which the model is drawn. They include the levels, and
-    values a little outside the outermost levels if the model extrapolates there.
+    """Return the values of the level quantity at which the model is drawn. They include all levels.
+    If the model extrapolates, they also reach a little beyond the lowest and the highest level.
     """
     sides = pieces.fusion.extrapolation[str(pieces.level)]
     below, above = (0.08 * np.ptp(levels) * isinstance(side, str) for side in sides)

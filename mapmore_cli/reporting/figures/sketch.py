@@ -1,9 +1,9 @@
-"""Record drawing calls on axes and write them as SVG, without Matplotlib.
+"""Record drawing calls on axes, and write them as SVG without Matplotlib.
 
-Matplotlib takes most of the processor time of a run for the figures of its page. `Sketch`
-implements the methods of its axes that the figures of this package call. Other calls raise
-AttributeError or TypeError, and Matplotlib then draws the figure. Lengths are in points, positions
-are data.
+Matplotlib would take most of the processor time of a run to draw the figures of the page. The class
+`Sketch` therefore has those methods of Matplotlib's `Axes` that the figures of this package call.
+All other calls raise AttributeError or TypeError; the figure is then drawn by Matplotlib. Lengths
+are in points, and positions are in the units of the data.
 """
 
 from __future__ import annotations
@@ -34,16 +34,20 @@ MARGINS = {"x": 0.02, "y": 0.05}
 
 Side = Literal["x", "y"]
 Svg = Callable[[Place, Place], str]
-"""Function that returns the SVG element of something drawn, given the functions that convert data
-along x and y to points.
+"""Function that returns the SVG element of one drawn object. Its two arguments are functions that
+convert x and y from the units of the data to points.
 """
 
 
 @dataclass
 class Sketch:
-    """Axes with the methods of Matplotlib's `Axes`. `size` is the font size of tick labels, `right`
-    the free space at the right, both in points, and `share` the height relative to other axes of
-    the panel.
+    """Axes with methods of Matplotlib's `Axes`.
+
+    - `size`: font size of the labels of ticks, points.
+    - `marks`, `beside`: what is drawn inside the axes, and what may extend beyond them.
+    - `keys`: appearance of each entry of the legend, by its label.
+    - `right`: free space to the right of the axes, points.
+    - `share`: height relative to the other axes of the panel.
     """
 
     size: float
@@ -57,8 +61,8 @@ class Sketch:
 
     @property
     def figure(self) -> Sketch:
-        """The sketch itself. In Matplotlib, the figure of the axes draws colour bars; here, the
-        sketch does this itself.
+        """The sketch itself. Matplotlib draws a colour bar by a method of the figure to which the
+        axes belong; here, the sketch has this method.
         """
         return self
 
@@ -71,7 +75,7 @@ class Sketch:
     # ----------------------------------------------------------------------------------------------
 
     def plot(self, *args: Any, scales: bool = True, zorder: float = 2.0, **look: Any) -> None:
-        """Draw a line, dots or both. The axes are extended to contain it only if `scales`
+        """Draw a line, dots or both. The axes are extended to include all points only if `scales`
         is True.
         """
         values = [np.asarray(one, dtype=np.float64) for one in args if not isinstance(one, str)]
@@ -152,7 +156,7 @@ class Sketch:
         self._add(svg, look.get("zorder", 2.0))
 
     def vlines(self, x: Array, low: float, high: Array, **look: Any) -> None:
-        """Draw stems from `low` to `high`."""
+        """Draw vertical lines from `low` to `high` at each `x`."""
         gaps = np.full(len(x), np.nan)
         stems = np.column_stack([np.full(len(x), low), high, gaps]).ravel()
         self.plot(np.repeat(x, 3), stems, **look)
@@ -199,8 +203,8 @@ class Sketch:
         return shades
 
     def contourf(self, x: Array, y: Array, z: Array, *, levels: Array, cmap: str) -> Shades:
-        """Fill the bands between levels of `z` on a grid, (m, n) each. Each row of the grid has one
-        height.
+        """Fill the areas between neighbouring `levels` of `z`. `x`, `y` and `z`, (m, n) each, are
+        given on a grid. All points in a row of the grid have the same `y`.
         """
         known = np.isfinite(z)
         self.xaxis.hold(x[known])
@@ -257,9 +261,9 @@ class Sketch:
         ha: str = "left",
         va: str = "baseline",
     ) -> None:
-        """Write a text at an offset in points from a position, which is given in data or in
-        fractions of the axes. If the text begins at the right end of the axes, space is left for
-        it.
+        """Write a text at an offset, in points, from a position. `xycoords` says for x and y
+        whether the position is in the units of the data or in fractions of the axes. If the text
+        begins at the right end of the axes, space is reserved for it.
         """
         shares = [coordinates != "data" for coordinates in xycoords]
         if shares[0] and place[0] == 1.0:
@@ -293,17 +297,19 @@ class Sketch:
         self.yaxis.set_ends(bottom, top)
 
     def set_xticks(self, at: Iterable[float], names: Sequence[str] | None = None) -> None:
-        """Set where the ticks of the horizontal axis are, and their names."""
+        """Set the positions and the labels of the ticks of the horizontal axis."""
         self.xaxis.set_ticks(at, names)
 
     def set_yticks(self, at: Iterable[float], names: Sequence[str] | None = None) -> None:
-        """Set where the ticks of the vertical axis are, and their names."""
+        """Set the positions and the labels of the ticks of the vertical axis."""
         self.yaxis.set_ticks(at, names)
 
     def tick_params(self, axis: Side, length: float) -> None:
-        """Accept a length of ticks, which has no effect: ticks always have the same length here."""
+        """Do nothing: the length of ticks is always the same here. The method exists because `Axes`
+        has it.
+        """
 
 
 def is_sketch(ax: object) -> TypeGuard[Sketch]:
-    """Return True for axes of a quick drawing, and False for axes of Matplotlib."""
+    """Return True for a `Sketch`, and False for axes of Matplotlib."""
     return isinstance(ax, Sketch)

@@ -1,4 +1,4 @@
-"""Draw the panels of a figure side by side as one SVG, without Matplotlib."""
+"""Draw figures as SVG without Matplotlib, with a separate `<svg>` element for each panel."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.table import title_of
 
 POINTS, SCREEN = 72, 1.8
-"""Points per inch, and pixels of a screen for each point: a screen is read from farther away than
-paper.
+"""Points per inch, and pixels of a screen for each point. Figures on a screen are larger than on
+paper, because a screen is read from farther away.
 """
 
 LETTER, WIDE = 0.62, 1.0
-"""Widths of a usual letter, and of the wide letters `mwMW`, as fractions of the font size."""
+"""Width of a letter, and of the wide letters `mwMW`, as fractions of the font size."""
 
 TICK = 2.5
 
 SMALLEST = 9.2
-"""Pixels of the smallest letters on a narrow screen, on which a wide panel is scrolled."""
+"""Size in pixels of the smallest letters on a narrow screen. A panel that would be too wide with
+such letters is scrolled.
+"""
 
 
 def sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure | None:
-    """Draw each panel of a figure, and each entry of its legend, as a separate SVG. On a narrow
-    screen, the panels can then be arranged below each other, and so can the entries.
+    """Draw a figure with a separate `<svg>` element for each panel and for each entry of its
+    legend. On a narrow screen, the panels and the entries can then be arranged below each other.
 
-    The result is None if a panel calls methods that a `Sketch` lacks, or if its texts contain
-    formulas, so that Matplotlib must draw it.
+    Return None if Matplotlib must draw the figure: it has three-dimensional axes, a panel calls
+    methods that a `Sketch` lacks, or an axis label of the user contains a formula.
     """
     if drawing.grid.projection or any("$" in own for own in style.labels.values()):
         return None
@@ -83,8 +85,8 @@ def _sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure:
 def _legend(
     entries: Sequence[tuple[str, float]], width: float, style: FigureStyle
 ) -> tuple[str, float]:
-    """Return the entries of a legend, and the height of the legend in points. A new line begins
-    if an entry does not fit into the `width` of the figure, in inches.
+    """Return the SVG elements of a legend, and the height of the legend in points. If an entry does
+    not fit into the `width` of the figure, in inches, it begins a new line.
     """
     parts, x, y, line = [], 0.0, 0.0, 1.4 * (style.size - 1)
     for inside, wide in entries:
@@ -98,9 +100,9 @@ def _legend(
 def _svg(
     inside: str, place: tuple[float, float, float, float], style: FigureStyle, attributes: str
 ) -> str:
-    """Return an `<svg>` element with the given contents. `place` is its position in the whole
-    figure: left, top, width and height. On a page of any width, its letters stay readable and have
-    the same size as the letters of other figures.
+    """Return an `<svg>` element with the contents `inside`. `place` is its position in the whole
+    figure, in points: left, top, width and height. The limits of its width keep the letters
+    readable on narrow and on wide pages, and as large as in the other figures.
     """
     family = escape(f"{style.font}, sans-serif" if style.font else "sans-serif")
     where = dict(zip(("x", "y", "width", "height"), (round(one, 1) for one in place), strict=True))
@@ -121,8 +123,9 @@ def _panel(
     frame: tuple[float, float, float, float],
     style: FigureStyle,
 ) -> str:
-    """Return a panel with its title above it and the label of its x axis below it. `frame` holds
-    the space to the left of the axes, the space above them, and their total width and height.
+    """Return the SVG of a panel, with its title above it and the label of its x axis below it.
+    `frame`, in points, holds the space to the left of the axes, the space above them, and the width
+    and the height of the whole panel.
     """
     left, start, width, height = frame
     size, right = style.size - 1, width - 6 - max(sheet.right for sheet in sheets)
@@ -141,9 +144,7 @@ def _panel(
 
 
 def _filled(draw: Any, stack: Sequence[float], columns: int, size: float) -> list[Sketch]:
-    """Return the axes of a panel after drawing on them, from top to bottom; they share the x
-    axis.
-    """
+    """Draw a panel on new axes, and return these axes from top to bottom. They share the x axis."""
     sheets = [Sketch(size) for _ in stack]
     for sheet, share in zip(sheets, stack, strict=True):
         sheet.share, sheet.xaxis = share, sheets[0].xaxis
@@ -154,7 +155,9 @@ def _filled(draw: Any, stack: Sequence[float], columns: int, size: float) -> lis
 
 
 def _share_axes(panels: list[list[Sketch]], columns: int, all_x: bool, common_y: str) -> None:
-    """Give equal ranges to axes that the grid of a figure shares."""
+    """Give equal ranges to axes of different panels: to all x axes if `all_x` is True, and to the y
+    axes of each row or of all panels, as `common_y` says.
+    """
     sheets = [sheet for panel in panels for sheet in panel]
     if all_x:
         _make_equal([sheet.xaxis for sheet in sheets])
@@ -171,7 +174,9 @@ def _make_equal(axes: Sequence[Any]) -> None:
 
 
 def _room_left(panel: list[Sketch], labels: Sequence[str], size: float) -> float:
-    """Return the width in points of the labels of a panel's y axes."""
+    """Return the space, in points, that the labels to the left of a panel need: the labels of the
+    ticks and of the y axes.
+    """
     words = [words for sheet in panel for words in sheet.yaxis.labels().values()]
     longest = max((_width(line) for one in words for line in one.split("\n")), default=0.0)
     lines = max((label.count("\n") + 1 for label in labels if label), default=0)
@@ -179,15 +184,15 @@ def _room_left(panel: list[Sketch], labels: Sequence[str], size: float) -> float
 
 
 def _width(words: str) -> float:
-    """Return the width of words as a multiple of their font size."""
+    """Return the estimated width of a text as a multiple of its font size."""
     return sum(WIDE if letter in "mwMW" else LETTER for letter in words)
 
 
 def _axes(
     sheet: Sketch, frame: tuple[float, float, float, float], label: str, room: float, last: bool
 ) -> str:
-    """Return one pair of axes with everything that is drawn on them. `frame` holds their left,
-    right, upper and lower ends.
+    """Return the SVG of axes with everything that is drawn on them. `frame` holds their left,
+    right, upper and lower end, in points.
     """
     left, right, top, bottom = frame
     across, up = sheet.xaxis.scale(left, right), sheet.yaxis.scale(bottom, top)

@@ -1,5 +1,5 @@
-"""Define the appearance of all figures: Matplotlib's settings, colours, and the line of each
-model.
+"""Define the appearance of all figures: the settings of Matplotlib, the colours, and the lines of
+models.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ RC: dict[Any, Any] = {
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlelocation": "left",
-    # titles have a fixed height, because no tick labels stand above the axes
+    # no tick labels stand above the axes, so titles need not be moved to avoid them
     "axes.titley": 1.0,
     "axes.xmargin": 0.02,
     "figure.facecolor": "white",
@@ -31,7 +31,8 @@ RC: dict[Any, Any] = {
     "legend.columnspacing": 1.4,
     "legend.handlelength": 2.2,
     "lines.linewidth": 1.1,
-    "svg.fonttype": "none",  # text remains text, so that it can be searched and the file is small
+    # texts are not converted to outlines, so that they can be searched and the file is small
+    "svg.fonttype": "none",
     "text.parse_math": False,  # a `$` in a name does not begin a formula
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
@@ -44,12 +45,12 @@ PLAIN = FigureStyle()
 
 @contextmanager
 def figure_style(style: FigureStyle = PLAIN) -> Iterator[None]:
-    """Set the look of all figures on top of Matplotlib's own defaults, because a user's
-    matplotlibrc must not change a report.
+    """Set the appearance of all figures that are drawn in this context. It begins with Matplotlib's
+    own defaults, because the matplotlibrc of a user must not change a report.
 
-    A character that the layout font lacks is no error, because text in SVG is drawn with the
-    reader's fonts. A missing font is no error either, because the user has been warned of it
-    already.
+    Two messages of Matplotlib are suppressed. One is about characters that the font lacks: text in
+    SVG is drawn with the fonts of the reader. The other is about a missing font: the user has
+    already been warned of it.
     """
     from matplotlib import rc_context, rcParamsDefault
 
@@ -77,10 +78,11 @@ def has_font(name: str) -> bool:
 
 
 def wrong_formula(label: str) -> str | None:
-    """Return the fault of a formula in a label; None if it is valid.
+    """Return what is wrong with a formula in a label, or None if the formula is valid.
 
-    Matplotlib parses nested formulas by recursion. How many levels Python allows depends on the
-    caller. Therefore, mapmore allows only `DEEPEST_FORMULA` levels, which every caller can parse.
+    Matplotlib parses nested formulas by recursion, and Python limits the depth of recursion. The
+    deeper the calls of the caller, the fewer levels remain for the formula. Therefore, only
+    `DEEPEST_FORMULA` levels are allowed, which are possible for every caller.
     """
     from matplotlib.mathtext import MathTextParser
 
@@ -106,8 +108,8 @@ ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = (
     "#D55E00",
     "#CC79A7",
 )
-"""Colours of Okabe and Ito, which colour-blind readers can distinguish; their yellow is too pale
-for a line on white.
+"""Colours of Okabe and Ito, which colour-blind readers can distinguish. Their yellow is left out,
+because it is too pale for a line on white.
 """
 
 
@@ -123,7 +125,7 @@ class ModelStyle:
 
     @property
     def line(self) -> dict[str, Any]:
-        """Arguments of `plot` for this line."""
+        """Keyword arguments with which Matplotlib's `plot` draws this line."""
         return {
             "color": self.colour,
             "linestyle": self.dashes,
@@ -133,8 +135,8 @@ class ModelStyle:
 
 
 OWN_STYLE = ModelStyle(VERMILLION, "-", 1.6, "o", 3.0)
-"""A solid, wide line under the thinner dashed lines of the others, so that both can be seen where
-they coincide.
+"""Style of the run's own model: a solid, wide line under the thinner dashed lines of the other
+models, so that both can be seen if they coincide.
 """
 _OTHERS = (
     ModelStyle(BLUE, (0, (5, 2)), 1.1, "s"),
@@ -147,10 +149,12 @@ _OTHERS = (
 
 
 def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str, ModelStyle]:
-    """Return a style for each model. The first model, the run's own, always has the same style. The
-    other models get the remaining styles in their order. Repeated names are ignored.
+    """Return the style of each model. The first model is the run's own; it always has the same
+    style. The other models get the remaining styles one after the other. Repeated names are
+    ignored.
 
-    A `palette` replaces the colours; its first colour is for the run's own model.
+    The colours of a `palette` replace the colours of the styles; the first is for the run's own
+    model.
     """
     styles: dict[str, ModelStyle] = {}
     for i, name in enumerate(dict.fromkeys(models)):
@@ -161,7 +165,7 @@ def model_styles(models: Sequence[str], palette: Sequence[str] = ()) -> dict[str
 
 
 def level_colours(count: int) -> list[str]:
-    """Return blues for ordered curves, from pale (but not too pale for white paper) to dark, which
-    differ from the model's own colour.
+    """Return `count` shades of blue for ordered curves, from pale to dark. The palest can still be
+    seen on white paper, and none is the colour of the run's own model.
     """
     return [colour_at("Blues", share) for share in np.linspace(1.0, 0.45, count)][::-1]

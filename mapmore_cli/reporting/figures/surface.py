@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CELLS, BISECTIONS = 61, 20
-"""Number of places along each input, and number of bisections that find the edge of the training
-range.
+"""Number of grid points along each input, and number of bisections that find the edge of the
+training range.
 """
 
 
 class Plane(NamedTuple):
-    """The two inputs of a model with their names and axis labels; the input that varies within a
-    curve comes first. `x`, `y` and `z`, (n,) each, are the two inputs and the target at the samples
-    of all curves.
+    """Two inputs of a model with their names and axis labels; the input that varies within a curve
+    comes first. `x` and `y` are the values of these inputs at the samples of all curves, and `z` is
+    the target there, (n,) each.
     """
 
     names: tuple[str, ...]
@@ -37,8 +37,8 @@ class Plane(NamedTuple):
 
 
 def plane_of(inputs: ReportInputs) -> Plane | None:
-    """Return the plane of the two inputs of a model. Return None if more or fewer inputs vary, or
-    if the output depends on the time.
+    """Return the two inputs of a model with their samples. Return None if the model has more or
+    fewer inputs, if one of them does not vary, or if curves are drawn over time.
     """
     pair = sorted(inputs.model.inputs, key=lambda one: one.name == inputs.dataset.level)
     names, curves = tuple(one.name for one in pair), inputs.dataset.curves
@@ -52,9 +52,13 @@ def plane_of(inputs: ReportInputs) -> Plane | None:
 
 
 class Sheet(NamedTuple):
-    """The output of a model on a grid over its two inputs. The coordinates `across` and `up` and
-    the output are `(CELLS, CELLS)` each. The rows of the grid end at the edges of the training
-    range, outside of which `output` is NaN. `rows` are the samples that a panel shows.
+    """Output of a model on a grid over its two inputs.
+
+    - `across`, `up`, `output`: the two inputs and the output, (CELLS, CELLS) each. Each row of the
+      grid covers the part of the row inside the training range. Outside this range, `output` is
+      NaN.
+    - `rows`: the samples that a panel shows.
+    - `label`: axis label of the output.
     """
 
     plane: Plane
@@ -80,7 +84,7 @@ class Sheet(NamedTuple):
 
 def sheet_of(inputs: ReportInputs) -> Sheet | None:
     """Return the output of a model over its two inputs. Return None if the model has more or fewer
-    inputs, or if the report shows another quantity than the output.
+    inputs, if the report shows another quantity than the output, or if no output is finite.
     """
     plane, model = plane_of(inputs), inputs.model
     if plane is None or inputs.dataset.target != model.output.name:
@@ -105,14 +109,14 @@ def sheet_of(inputs: ReportInputs) -> Sheet | None:
 
 
 Beyond = Callable[[Array, Array], BoolArray]
-"""Function that returns True for places outside the training range, given by their horizontal and
-vertical coordinates.
+"""Function of the horizontal and vertical coordinates of points. It returns True for each point
+outside the training range.
 """
 
 
 def _up_to_the_rim(across: Array, up: Array, beyond: Beyond) -> Array:
-    """Return the horizontal coordinates of a grid. In each row, they are spread over the part that
-    lies within the training range.
+    """Return new horizontal coordinates of a grid. In each row, the points are spread evenly over
+    the part of the row that lies inside the training range.
     """
     inside = ~beyond(across, up)
     rows = np.flatnonzero(inside.any(axis=1))
@@ -127,8 +131,8 @@ def _up_to_the_rim(across: Array, up: Array, beyond: Beyond) -> Array:
 
 
 def _rim(inner: Array, outer: Array, up: Array, beyond: Beyond) -> Array:
-    """Return the edges of the training range, found by bisection between points inside it (`inner`)
-    and points outside it (`outer`).
+    """Return the edge of the training range in each row, found by bisection between a point inside
+    the range (`inner`) and a point outside it (`outer`).
     """
     for _ in range(BISECTIONS):
         middle = (inner + outer) / 2
@@ -138,8 +142,8 @@ def _rim(inner: Array, outer: Array, up: Array, beyond: Beyond) -> Array:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one panel if the model has two inputs; the area outside its training range is left
-    white.
+    """Return a figure with one panel if the model has two inputs, otherwise an empty list. The area
+    outside the training range is left white.
     """
     sheet = sheet_of(inputs)
     if sheet is None:

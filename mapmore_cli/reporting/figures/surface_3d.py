@@ -11,13 +11,11 @@ from mapmore_cli.reporting.figures.surface import sheet_of
 from mapmore_cli.reporting.inputs import ReportInputs
 
 STRIDE = 4
-"""Every point of the grid with this distance, counted in points along each input, is a corner of
-the surface.
-"""
+"""The surface is drawn through every fourth point of the grid, along each input."""
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return a figure with one panel if the model has two inputs, otherwise none."""
+    """Return a figure with one panel if the model has two inputs, otherwise an empty list."""
     sheet = sheet_of(inputs)
     if sheet is None:
         return []

@@ -1,5 +1,6 @@
-"""Draw how each segment's terms were chosen: the part that remains unexplained, and the part that
-would remain with the runner-up.
+"""Draw how the terms of each segment were chosen. For each step of the selection, two parts of the
+sum of squares are drawn: the part that the chosen terms leave unexplained, and the part that would
+remain with the second-best term (the runner-up).
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ RUNNER_UP = DOT | {"markersize": 4, "zorder": 2, "color": GREY, "markerfacecolor
 
 def left_unexplained(fit: SegmentFit) -> tuple[Array, Array]:
     """Return two percentages of the sum of squares for each step of the selection, (k,) each. The
-    first is what remains unexplained after the step. The second is what would remain if the
-    runner-up had been chosen (NaN without a runner-up). Both are computed from the stored error
-    reduction ratios of all candidates.
+    first is the part that remains unexplained after the step. The second is the part that would
+    remain if the second-best term (the runner-up) had been chosen; it is NaN without a runner-up.
+    Both are computed from the stored error reduction ratios of all candidates.
     """
     chosen = fit.selection
     left = 100 * (1 - np.cumsum(chosen.err))
@@ -49,7 +50,9 @@ def left_unexplained(fit: SegmentFit) -> tuple[Array, Array]:
 
 
 def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
-    """Return all segments of evenly spread curves. The number of segments is about `most`."""
+    """Return the segments of some curves, evenly spread over all curves, so that there are about
+    `most` segments. A curve is returned with all of its segments or not at all.
+    """
     curves = list(dict.fromkeys(fit.curve for fit in fits))
     if len(fits) <= most:
         return list(fits)
@@ -58,9 +61,9 @@ def whole_curves(fits: Sequence[SegmentFit], most: int) -> list[SegmentFit]:
 
 
 def draw(inputs: ReportInputs) -> list[Drawing]:
-    """Return one figure with a row for each segment, or none for a model without segments. In a
-    row, each chosen term is a filled dot, and its runner-up is an open dot. The names of the terms
-    stand at the right.
+    """Return a figure with a row for each segment, or an empty list for a model without segments.
+    In a row, each chosen term is a filled dot, and its runner-up is an open dot. The names of the
+    chosen terms stand at the right.
     """
     every = inputs.fit.pieces
     fits = [fit for fit in whole_curves(every, MOST_SEGMENTS) if fit.terms]

@@ -1,8 +1,8 @@
-"""Provide the scripts of pages, each with the hash by which a page allows this script and no
-others.
+"""Provide the JavaScript of pages. A page allows only scripts whose hash it contains, so each
+script has its hash.
 
 The scripts are modules that import each other. A page that is opened from a file cannot load
-modules, so the modules of a page are joined to one script.
+modules, so the modules of a page are joined into one script.
 """
 
 from __future__ import annotations
@@ -20,24 +20,24 @@ _IMPORT = re.compile(r'^import \{[^}]*\}\s+from "\./([a-z]+\.js)";\n', re.MULTIL
 
 @dataclass(frozen=True)
 class Script:
-    """A JavaScript script that stands in a page, and is no module."""
+    """JavaScript that is part of a page. It is a plain script and no module."""
 
     text: str
 
     @property
     def allowed(self) -> str:
-        """Hash by which the Content-Security-Policy of a page allows this script."""
+        """Hash of this script, by which the Content-Security-Policy of a page allows it."""
         return f"'sha256-{b64encode(sha256(self.text.encode()).digest()).decode()}'"
 
 
 def text_of(name: str) -> str:
-    """Return the text of a file in this folder."""
+    """Return the text of a file in the folder of this module."""
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
 def joined(*names: str) -> str:
-    """Return modules as one script, each after the modules that it imports. Their top-level names
-    must be different, because they share one scope.
+    """Join modules into one script. A module stands after the modules that it imports. The names at
+    the top level of all modules must be different, because they share one scope.
     """
     texts: dict[str, str] = {}
 
@@ -54,8 +54,8 @@ def joined(*names: str) -> str:
 
 
 def scripts(texts: Iterable[str]) -> tuple[Script, ...]:
-    """Return texts as scripts of a page. Raises ValueError for a text that would end the script
-    element early.
+    """Return texts as scripts for a page. Raises ValueError for a text that would end the HTML
+    element `script` too early.
     """
     made = tuple(Script(f"\n{text.strip()}\n") for text in texts)
     for one in made:
@@ -65,8 +65,8 @@ def scripts(texts: Iterable[str]) -> tuple[Script, ...]:
 
 
 def json_text(value: object) -> str:
-    """Return JSON for a script element of a page. Characters that could end the element are
-    escaped.
+    """Return a value as JSON for the HTML element `script` of a page. Characters that could end the
+    element are escaped.
     """
     text = json.dumps(value, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")
