@@ -61,9 +61,7 @@ _SHOWN = 8
 
 class Scores(tuple[Mapping[str, Any], ...]):
     """The rows of `scores.json`, each a mapping such as `{"model": "mapmore", "split": "validate",
-    "nrmse": 0.01, ...}`.
-
-    `print(scores)` shows the pooled rows as a table.
+    "nrmse": 0.01, ...}`. `print(scores)` shows the rows in which all curves are pooled as a table.
     """
 
     table: ScoreTable
@@ -118,7 +116,8 @@ class Study:
 
     @property
     def columns(self) -> Mapping[str, Any]:
-        """The caller's section `columns` of the spec."""
+        """The mapping `data.columns` of the caller's spec; empty if the spec has no such mapping.
+        """
         section: Mapping[str, Any] = self.document["data"].get("columns", {})
         return section
 
@@ -134,8 +133,9 @@ class Study:
         return load_text(text, HERE, self.folder, as_overrides(changes), tables)
 
     def written(self, place: Path) -> str:
-        """Write the frames to a folder beside the file `place`. Return the text of the spec for
-        this file, which reads the frames from that folder.
+        """Return the text of a spec to be stored in the file `place`. If the recordings are frames
+        in memory, first write them to files in a folder beside `place`; the spec then reads these
+        files.
         """
         loaded = self.loaded()
         if loaded.tables:
@@ -184,7 +184,7 @@ class _Bar:
     """
 
     def __init__(self, is_wanted: bool | None) -> None:
-        from rich.console import Console  # only a bar needs this import
+        from rich.console import Console  # imported here, because only a progress bar needs `rich`
 
         self._console = Console(stderr=True)
         self._bar: Progress | None = None

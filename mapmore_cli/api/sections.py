@@ -204,10 +204,8 @@ def _data_of(
 
 
 def _reader_of(path: object) -> str:
-    """Return the name of the reader for a file, from the ending of its name; `csv` for an unknown
-    ending.
-
-    Raises SpecError for a value that is no path.
+    """Return the name of the reader for a file, chosen by the ending of the file name; `csv` for an
+    unknown ending. Raises SpecError if the value is not a path.
     """
     if not isinstance(path, str | Path):
         raise SpecError(
