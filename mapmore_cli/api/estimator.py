@@ -30,12 +30,10 @@ from mapmore_cli.pipeline.frames import Door, labels_of
 
 TOLERANCE = 1e-4  # default of `tolerance` if `stop` is `tolerance`
 FEWEST = 3  # least value of the default of `max_terms`, even if there are very few samples
-# A column with mean m and standard deviation s is centred if `eps (m/s)^order`, the relative
-# rounding error of the differences between its powers, exceeds this limit.
+# A column (mean m, deviation s) is centred if `eps (m/s)^order`, a rounding error, exceeds this.
 LOST = 1e-10
-# The expansion of centred powers gives each coefficient as a sum of contributions, which may
-# cancel. The coefficient is treated as zero if its magnitude is smaller than this fraction of the
-# sum of the magnitudes of its contributions.
+# A coefficient is treated as zero if it is a sum of contributions that cancel each other:
+# the coefficient is smaller than this fraction of the sum of the magnitudes of the contributions.
 ROUNDING = 1e-13
 
 
@@ -150,9 +148,8 @@ class FROLS:
         fractions.
         """
         m, chosen = len(self._columns), selection.chosen.tolist()
-        # Find the exponents of each monomial from its values at m points. At point j, column j is 2
-        # and every other column is 1, so the value of the monomial is 2^p, where p is the exponent
-        # of column j.
+        # At point j, column j has the value 2, and every other column has the value 1.
+        # There, a monomial has the value 2^p, where p is its exponent of column j.
         twos = dict(zip(self._columns, 1 + np.eye(m), strict=True))
         powers = np.log2(dictionary_matrix(candidates, twos, m)).round().astype(int).T.tolist()
         number_of = {tuple(power): number for number, power in enumerate(powers)}

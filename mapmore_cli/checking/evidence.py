@@ -19,21 +19,16 @@ from mapmore_cli.study.units import convert
 
 # smallest number of samples that are examined; with fewer, a finding may be due to chance
 FEWEST = 30
-# largest number of recordings that are compared with each other; if there are more, some of them
-# are chosen, evenly spread over all
+# largest number of recordings that are compared; of more recordings, every n-th is chosen
 COMPARED = 200
-# A target is reported as computed from a column if its deviations from a linear function of the
-# column are at most this fraction of the range of the target. Two columns contain the same signal
-# if the magnitude of their correlation is at least 1 minus this number.
+# A target was computed from a column if it is a linear function of it to within this fraction.
+# Two columns contain the same signal if their absolute correlation is at least 1 minus this.
 ROUNDING = 1e-4
-# a share of the samples, or a difference divided by a range, may be due to chance if it is smaller
-# than this
+# A share of samples, or a difference as a fraction of a range, may be due to chance below this.
 LITTLE = 0.01
-# a share of the samples, or a difference divided by a range, is worth a warning if it is larger
-# than this
+# A share of samples, or a difference as a fraction of a range, is worth a warning above this.
 SOME = 0.05
-# one half: a part of the samples, or of a difference, is regarded as large if it is larger than
-# this fraction of the whole
+# A part of the samples, or of a difference, is large if it exceeds this fraction of the whole.
 MUCH = 0.5
 
 # a pressure is settled if it changes by less than this fraction of its range per second

@@ -55,8 +55,7 @@ def read_label(name: str) -> ColumnTitle | None:
     The first word that names a quantity is used, and a unit is expected after this word. If no word
     names a quantity, but the name contains a unit of pressure, the column is a pressure.
     """
-    # split camel case such as `forceSensor`, and `pL` (left pressure) into `p` and `L`, but not the
-    # units kPa and MPa
+    # split camel case (`forceSensor`) and `pL` (left pressure), but not the units kPa and MPa
     apart = re.sub(
         r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", spell_pressures(name).replace("_", " ")
     )

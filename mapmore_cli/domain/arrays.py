@@ -117,8 +117,7 @@ def extremes(column: Array, mask: BoolArray | None = None) -> Ends:
         return float(values.min()), float(values.max())
     if mask is not None and not mask.all():
         return _ends_of(blocks_where(column, mask))
-    # The extremes of a column that is mapped from a file are remembered, because the contents of
-    # the file do not change.
+    # The extremes of a column in a file are remembered, because the file does not change.
     of = _map_of(column)
     known = {} if of is None else _mapped.setdefault(of, {})
     place = (column.__array_interface__["data"][0], column.shape, column.strides)

@@ -81,8 +81,7 @@ def parts(
                     raise ValueError(f"there is already a `{part.name}`")
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
-                # `checked` is called only for plug-ins; mapmore's own extensions are checked by
-                # tests
+                # `checked` is called only for plug-ins; tests check mapmore's own extensions
                 check = getattr(part.value, "checked", None)
                 if check and type(part.value) is form:
                     check()
@@ -153,8 +152,7 @@ def _is_ours(point: EntryPoint) -> bool:
     return point.module.partition(".")[0] == OUR_MODULE and _owner(point) == OURS
 
 
-# cached, because reading the list of installed packages takes most of the time in which mapmore
-# starts
+# cached, because reading the list of installed packages takes most of the time of a start
 @cache
 def _installed() -> tuple[EntryPoint, ...]:
     """Return the entry points of mapmore itself, and the entry points that other packages provide
@@ -174,8 +172,7 @@ def _installed() -> tuple[EntryPoint, ...]:
             if identity not in packages and (is_ours or not only_ours):
                 packages.add(identity)
                 points += found
-        # reading the entry points of a package may raise any exception, but other packages must
-        # still work
+        # a broken package may raise any exception, but other packages must still work
         except Exception as fault:
             left_out = f"the plug-ins of {_name_of(package)} are left out"
             why = f"its entry_points.txt cannot be read ({type(fault).__name__}: {fault})"

@@ -242,18 +242,18 @@ class SimulatedRun:
 class Forecast:
     """Predictions of the samples of a curve, (n,) each."""
 
-    # Predictions. A model with memory predicts in a free run. A prediction is NaN if there are too
-    # few earlier samples, or after the free run has diverged.
+    # Predictions. A model with memory predicts in a free run.
+    # A prediction is NaN if there are too few earlier samples, or after the free run diverged.
     values: Array
-    # True for samples with enough earlier samples for a prediction. If the prediction of a sample
-    # is NaN although `ready` is True, the free run has diverged.
+    # True for samples with enough earlier samples for a prediction.
+    # If a sample has the prediction NaN although `ready` is True, the free run has diverged.
     ready: BoolArray
     one_step: Array | None = (
         None  # one-step-ahead prediction of every sample; None for a model without memory
     )
     half: Array | None = (
-        # half the width of the prediction interval; NaN for a sample without an interval. The array
-        # is None for a model without intervals.
+        # half the width of the prediction interval; NaN for a sample without an interval
+        # None for a model without prediction intervals
         None
     )
 
@@ -285,11 +285,9 @@ class Tried:
         float, ...
         # RMSE on each left-out fold, divided by `Search.scale`; empty if a fit failed
     ] = ()
-    # root mean square of `errors` over the folds that leave out stretches of curves; NaN if there
-    # are no such folds
+    # root mean square of `errors` on folds that leave out stretches of curves; NaN without them
     error: float = math.nan
-    # root mean square of `errors` over the folds that leave out whole levels or recordings, or
-    # their ends; NaN if there are no such folds
+    # root mean square of `errors` on folds that leave out levels or recordings; NaN without them
     parts: float = math.nan
     # mean over all folds of log(error / error of the best structure)
     excess: float = math.nan

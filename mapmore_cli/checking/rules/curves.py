@@ -71,8 +71,7 @@ def beyond_training(subject: Subject) -> Issues:
             validation <= training.max() + margin
         )
         outside = validation[~is_inside]
-        # if the split names this quantity, no held-out value may lie outside; otherwise, a few
-        # values may lie outside by chance
+        # if the split does not name this quantity, a few values may lie outside by chance
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
             reached = f"{outside.min():.6g}" + (

@@ -15,8 +15,7 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import PART, even_share
 
-# a sensor is saturated if its smallest or largest value occurs this many times as often as any
-# other value
+# a sensor is saturated if an extreme value is this many times as frequent as any other value
 FAR_MORE = 10
 # these quantities hardly ever keep exactly the same value, unless their sensor is saturated
 FROM_SENSORS = ("force", "pressure", "load")
@@ -76,8 +75,7 @@ def same_signal(subject: Subject) -> Issues:
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         signals = " and ".join(names[place] for place in family)
-        # two inputs may be equal, for example the pressures of the two muscles of a joint, but an
-        # input must not be equal to the target
+        # two inputs may be equal (two muscles of a joint, for example), an input and the target not
         target = subject.target in (names[place] for place in family)
         yield Issue(
             "error" if target else "hint",
@@ -148,8 +146,7 @@ def still_cycles(subject: Subject) -> Issues:
     if cycles is None or not subject.has(cycles.over):
         return
     low, high = subject.span(cycles.over)
-    # a smaller movement is regarded as noise: less than 5 % of the range of all recordings, or less
-    # than 1 % of the largest absolute value
+    # a movement is noise below 5 % of the range of all recordings, or 1 % of the largest value
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
     columns = [recording.columns[cycles.over] for recording in subject.kept]
     noisy = [_is_noise(values) for values in columns]
@@ -190,8 +187,7 @@ def recorded_twice(subject: Subject) -> Issues:
     held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
     known: dict[tuple[object, ...], Recording] = {}
     for recording in subject.kept:
-        # only measured columns are compared, because the spec can set other quantities for a whole
-        # file
+        # only measured columns are compared, not the values that a spec sets for whole files
         measured = sorted(recording.columns.keys() & subject.spec.data.columns)
         samples = (hash(even_share(recording.columns[name]).tobytes()) for name in measured)
         twin = known.setdefault((recording.rows_kept, *measured, *samples), recording)

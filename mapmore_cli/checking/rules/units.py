@@ -73,8 +73,7 @@ def _header(subject: Subject, source: str) -> Top | None:
     peek = READERS[data.reader].peek
     tables = [data.table, *(one.table for one in data.files if isinstance(one, FileEntry))]
     if peek is None or int(data.header) < 2 or {*tables} != {None}:
-        # if the spec selects one of several tables in a file, the first lines of the file may
-        # belong to another table
+        # the first lines of a file may belong to another table than the one that the spec selects
         return None
     for top in peek(subject.folder / source, data.skip_rows + int(data.header)):
         if all(
@@ -151,8 +150,8 @@ def _contradicted(subject: Subject, name: str, unit_told: str | None) -> str:
     declared = column.unit or default_unit(name, subject.spec.units)
     if unit_told is None or column.scale != 1.0:
         return ""
-    # `bar` may mean absolute pressure; a unit of another dimension is ignored, because the text may
-    # not be meant as a unit
+    # `bar` in a file may mean absolute pressure.
+    # A text that looks like a unit of another dimension is probably not meant as a unit.
     agrees = any(is_same(unit, declared) for unit in (unit_told, f"{unit_told} abs"))
     return "" if agrees or not can_convert(unit_told, declared) else declared
 

@@ -57,8 +57,8 @@ def unknown_formula(
 
 
 def rivals_of(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
-    """Return each competitor with its path in the spec. A competitor that is only a name is the
-    model of this name.
+    """Return each competitor with its path in the spec. If the spec gives only a name, the
+    competitor is the model with this name.
     """
     against = (
         Competitor.model_construct(model=rival) if isinstance(rival, str) else rival

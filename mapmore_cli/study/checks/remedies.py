@@ -1,4 +1,6 @@
-"""Define what several checks use: the finding of an unknown name, and remedies."""
+"""Define parts of findings that several checks use: the finding about an unknown name, and texts of
+remedies.
+"""
 
 from __future__ import annotations
 

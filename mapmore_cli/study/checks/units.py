@@ -14,8 +14,8 @@ from mapmore_cli.study.units import CANONICAL, check_unit, convert, default_unit
 
 
 def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that limits concern metrics of the score row. With several targets, a metric in the
-    unit of a target needs a limit for each of them.
+    """Check the metrics in `validate.require`: they must be metrics of the score table. With
+    several targets, a metric in the unit of a target needs a limit for each target.
     """
     targets = {*spec.targets} if spec.also else set[str]()
     for name, limit in spec.validation.require.items():
