@@ -116,7 +116,8 @@ class Study:
 
     @property
     def columns(self) -> Mapping[str, Any]:
-        """The mapping `data.columns` of the caller's spec; empty if the spec has no such mapping.
+        """The mapping `data.columns` of the caller's spec; empty if the spec has no such
+        mapping.
         """
         section: Mapping[str, Any] = self.document["data"].get("columns", {})
         return section

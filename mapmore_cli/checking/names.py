@@ -1,4 +1,5 @@
-"""Find quantities and units in names: in column names, and in names of files, folders and sheets.
+"""Find quantities and units in names: in column names, and in names of files, folders and
+sheets.
 """
 
 from __future__ import annotations

@@ -238,7 +238,8 @@ def joined(columns: Sequence[Any]) -> Any:
 
 
 def row_numbers(rows: Rows) -> IntArray:
-    """Return row numbers as an array, (n,). A range is converted; an array is returned unchanged.
+    """Return row numbers as an array, (n,). A range is converted; an array is returned
+    unchanged.
     """
     return np.arange(rows.start, rows.stop, rows.step) if isinstance(rows, range) else rows
 

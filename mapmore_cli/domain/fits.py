@@ -470,6 +470,7 @@ class MemoryFit(Fit):
 
     @property
     def piece(self) -> SegmentFit:
-        """The fit in the form of a fit of one segment, so that the same tables can show its terms.
+        """The fit in the form of a fit of one segment, so that the same tables can show its
+        terms.
         """
         return SegmentFit(PIECE, PIECE, (), self.candidates, self.model.scaling, self.selection)

@@ -125,7 +125,8 @@ class Pieces(Body):
 
     @property
     def segments(self) -> tuple[SegmentFunction, ...]:
-        """All segment functions: those of the first curve, then those of the next curve, and so on.
+        """All segment functions: those of the first curve, then those of the next curve, and so
+        on.
         """
         return tuple(segment for curve in self.curves for segment in curve.segments)
 

@@ -226,7 +226,8 @@ class Curve:
 
 
 def united(ranges: Iterable[Ranges]) -> dict[str, Ends]:
-    """Return the smallest range of each quantity that contains its ranges in all of the mappings.
+    """Return the smallest range of each quantity that contains its ranges in all of the
+    mappings.
     """
     whole: dict[str, Ends] = {}
     for limits in ranges:

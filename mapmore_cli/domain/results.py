@@ -259,7 +259,8 @@ class Forecast:
 
     @classmethod
     def of(cls, values: Array) -> Forecast:
-        """Return the forecast of a model without memory. A value is NaN if there is no prediction.
+        """Return the forecast of a model without memory. A value is NaN if there is no
+        prediction.
         """
         return cls(values, np.broadcast_to(np.True_, len(values)))
 

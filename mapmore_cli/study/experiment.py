@@ -228,7 +228,8 @@ class ExperimentSpec(Section):
 
     @property
     def each(self) -> tuple[ExperimentSpec, ...]:
-        """The spec of a study of each single target. With only one target, this is the spec itself.
+        """The spec of a study of each single target. With only one target, this is the spec
+        itself.
         """
         alone = [{"target": TargetColumn(column=name)} for name in self.targets if self.also]
         return tuple(self.model_copy(update=update) for update in alone) or (self,)

@@ -144,7 +144,7 @@ def _sections_within(
         name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
         if name in sections:
             yield name
-            # a section that contains itself, such as `products`, is not followed again inside itself
+            # a section that contains itself, such as `products`, is not followed inside itself
             others = {key: value for key, value in sections.items() if key != name}
             yield from _sections_within(sections[name], others, skipped)
         for key, value in schema.items():

@@ -56,7 +56,8 @@ class Subject:
         return all(name in recording.columns for recording in self.recordings for name in names)
 
     def pooled(self, name: str) -> Array:
-        """Return the values of a quantity in all recordings, one recording after the other, (n,).
+        """Return the values of a quantity in all recordings, one recording after the other,
+        (n,).
         """
         values: Array = joined([recording.columns[name] for recording in self.recordings])
         return values

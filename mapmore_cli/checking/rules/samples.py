@@ -140,7 +140,8 @@ over all recordings.
 
 
 def still_cycles(subject: Subject) -> Issues:
-    """Find load cycles of a quantity that was held constant, so that its reversals are only noise.
+    """Find load cycles of a quantity that was held constant, so that its reversals are only
+    noise.
     """
     cycles = subject.spec.data.cycles
     if cycles is None or not subject.has(cycles.over):

@@ -16,7 +16,8 @@ OF_NOTHING = "a model must not use its target as an input"
 STATIC_RUN, REMOVE = "add `needs: {{static: my-static.yaml}}`", "remove it"
 
 DERIVED = ("damping", "hysteresis")
-"""Targets that are computed and that no column holds, so that terms cannot use their past values.
+"""Targets that are computed and that no column holds, so that terms cannot use their past
+values.
 """
 
 
