@@ -29,11 +29,11 @@ from mapmore_cli.modelling.frols.engine import frols
 from mapmore_cli.pipeline.frames import Door, labels_of
 
 TOLERANCE = 1e-4  # default of `tolerance` if `stop` is `tolerance`
-FEWEST = 3  # least value of the default of `max_terms`, even if there are very few samples
-# A column (mean m, deviation s) is centred if `eps (m/s)^order`, a rounding error, exceeds this.
+FEWEST = 3  # the default of `max_terms` is at least this number, even if there are very few samples
+# A column with mean m and deviation s is centred if `eps (m/s)^order` is larger than this number.
 LOST = 1e-10
-# A coefficient is treated as zero if it is a sum of contributions that cancel each other:
-# the coefficient is smaller than this fraction of the sum of the magnitudes of the contributions.
+# A coefficient is a sum of contributions, which may cancel except for rounding errors.
+# A coefficient below this fraction of the sum of its absolute contributions is treated as zero.
 ROUNDING = 1e-13
 
 
@@ -144,12 +144,12 @@ class FROLS:
         self, candidates: Sequence[Expression], selection: Selection
     ) -> tuple[tuple[str, ...], Array, Array]:
         """Return the model in the original columns: terms, coefficients and error reduction ratios,
-        (k,) each. If a column was centred, the powers of (column - offset) are expanded in exact
-        fractions.
+        (k,) each. If columns were centred, the powers of (column - offset) are expanded. The
+        coefficients are computed as exact fractions.
         """
         m, chosen = len(self._columns), selection.chosen.tolist()
         # At point j, column j has the value 2, and every other column has the value 1.
-        # There, a monomial has the value 2^p, where p is its exponent of column j.
+        # At point j, a monomial therefore has the value 2^p, where p is its exponent of column j.
         twos = dict(zip(self._columns, 1 + np.eye(m), strict=True))
         powers = np.log2(dictionary_matrix(candidates, twos, m)).round().astype(int).T.tolist()
         number_of = {tuple(power): number for number, power in enumerate(powers)}
@@ -199,8 +199,8 @@ class FROLS:
 
     @property
     def table_(self) -> list[dict[str, Any]]:
-        """One row for each term, in the order of selection, with the keys `term`, `coefficient`,
-        `standard_error`, `t` and `err`.
+        """The rows of the table of coefficients: a mapping for each term, in the order of
+        selection, with the keys `term`, `coefficient`, `standard_error`, `t` and `err`.
         """
         self._check_fitted()
         return self.selection_.table()

@@ -1,6 +1,4 @@
-"""Provide the result of a fit in Python. It consists of the model, its scores, and the spec from
-which it was made.
-"""
+"""Define the result of `fit`: the model, its scores, and the spec from which the model was made."""
 
 from __future__ import annotations
 
@@ -89,8 +87,8 @@ class Scores(tuple[Mapping[str, Any], ...]):
     def of_model(
         self, model: str = "mapmore", split: str = "validate", target: str | None = None
     ) -> Mapping[str, Any]:
-        """Return the row of a model in which all curves are pooled. Without `target`, it is the row
-        of the first target. Raises `KeyError` if the table has no such row.
+        """Return the row of a model in which all curves are pooled. Without the argument `target`,
+        it is the row of the first target. Raises `KeyError` if the table has no such row.
         """
         for row in self:
             row_key = (row["model"], row["split"], row["curve"])

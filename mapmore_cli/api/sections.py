@@ -179,8 +179,7 @@ def fit(
 def _data_of(
     frame: object, section: dict[str, Any], target: object
 ) -> tuple[dict[str, Any], tuple[Any, ...]]:
-    """Return the section `data` and the frames in memory; no frames if files are read.
-
+    """Return the section `data`, and the frames in memory. If files are read, there are no frames.
     Raises SpecError if there is no table, or if frames and files are mixed.
     """
     tables = list(frame) if isinstance(frame, list | tuple) else [frame]

@@ -19,29 +19,29 @@ from mapmore_cli.study.units import convert
 
 # smallest number of samples that are examined; with fewer, a finding may be due to chance
 FEWEST = 30
-# largest number of recordings that are compared; of more recordings, every n-th is chosen
+# largest number of recordings that are compared; if there are more, every n-th is compared
 COMPARED = 200
-# A target was computed from a column if it is a linear function of it to within this fraction.
-# Two columns contain the same signal if their absolute correlation is at least 1 minus this.
+# A target is a linear function of a column if it deviates by at most this fraction of its range.
+# Two columns contain the same signal if their absolute correlation is at least 1 minus this number.
 ROUNDING = 1e-4
-# A share of samples, or a difference as a fraction of a range, may be due to chance below this.
+# a smaller share of the samples, or of a range, may be due to chance
 LITTLE = 0.01
-# A share of samples, or a difference as a fraction of a range, is worth a warning above this.
+# a larger share of the samples, or of a range, is worth a warning
 SOME = 0.05
-# A part of the samples, or of a difference, is large if it exceeds this fraction of the whole.
+# a share of the samples, or of a difference, is the greater part if it is larger than this
 MUCH = 0.5
 
 # a pressure is settled if it changes by less than this fraction of its range per second
 SLOW = 0.04
 SHORTEST = 0.1  # smallest width of the window in which the rate of the pressure is computed, s
-SAMPLES = 8  # smallest number of samples in this window
+SAMPLES = 8  # smallest number of samples in the window in which the rate is computed
 # the middle of the pressure range lies between these two fractions of the range
 MIDDLE = (0.1, 0.9)
 
 
 @dataclass(frozen=True)
 class Settling:
-    """How much of the time a pressure is settled.
+    """Result of `settling`: how much of the time a pressure is settled.
 
     A sample is settled if the pressure changes there by less than `limit` per second. The rate of
     change is computed in a window of `window` seconds. `share` is the fraction of all samples that
@@ -164,8 +164,8 @@ class Unequal:
         return self.apart > SOME
 
     def words(self) -> str:
-        """Return a sentence that states the difference of the two outputs. It also states which
-        share of the squared difference a gain, an offset, or both explain.
+        """Return a sentence that states by how much the two outputs differ, and which share of the
+        squared difference is explained by a gain, by an offset, and by both.
         """
         gain, offset, both = (f"{1 - (left / self.apart) ** 2:.0%}" for left in self.left.values())
         return (

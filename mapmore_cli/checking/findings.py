@@ -51,9 +51,9 @@ class Issue:
 
     @property
     def sentence(self) -> str:
-        """The finding as a sentence: message, remedy and id. The place is left out, because a line
-        number would be wrong after lines are added to the spec, and the stored sentence would not
-        be updated.
+        """The finding as a sentence: message, remedy and id. The place is left out, because a
+        stored line number may be wrong: a run stays up to date if only the lines of its spec are
+        moved.
         """
         return f"{self.message}; {self.remedy} [{self.id}]"
 

@@ -89,7 +89,7 @@ whatever the number of samples, for example the calls of a model.
 
 
 def row_blocks(size: int, rows: int = ROWS) -> Iterator[slice]:
-    """Yield consecutive slices that cover `size` rows. Each slice has `rows` rows, the last slice
+    """Yield consecutive slices that cover `size` rows. Each slice has `rows` rows; the last slice
     may have fewer. If `size` is 0, yield a single empty slice.
     """
     return (slice(start, min(start + rows, size)) for start in range(0, max(size, 1), rows))
@@ -112,7 +112,7 @@ def extremes(column: Array, mask: BoolArray | None = None) -> Ends:
     """Return the smallest and the largest value of a column, (n,), or of its rows in `mask`; NaN if
     a value is NaN. Raises ValueError if there is no value.
     """
-    if len(column) <= ROWS:  # most curves are short, and this is faster for a short column
+    if len(column) <= ROWS:  # for a short column, a computation without blocks is faster
         values = column if mask is None else column[mask]
         return float(values.min()), float(values.max())
     if mask is not None and not mask.all():
@@ -194,7 +194,7 @@ def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> 
     """Return `function(*columns)`, computed in blocks. Each row of the result may depend only on
     the same row of the columns.
     """
-    if len(columns[0]) <= rows:  # most curves are short, and this is faster for a short column
+    if len(columns[0]) <= rows:  # for a short column, a computation without blocks is faster
         return function(*(column[:rows] for column in columns))
     return stacked([function(*block)] for block in in_blocks(*columns, rows=rows))[0]
 
@@ -217,7 +217,7 @@ def picked(values: Any, rows: Rows | BoolArray) -> Any:
     """
     if isinstance(rows, range):
         return values[rows.start : rows.stop]
-    if len(values) <= ROWS:  # most curves are short, and this is faster for a short column
+    if len(values) <= ROWS:  # for a short column, a computation without blocks is faster
         return row_numbers(values)[rows]
     if rows.dtype == np.bool_:
         return by_blocks(lambda part, here: row_numbers(part)[here], values, rows)

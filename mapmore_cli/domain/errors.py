@@ -149,10 +149,9 @@ class Stopped(KeyboardInterrupt):
 
 
 class RunWarning(str):
-    """A warning that is shown with the name of a run, because the user did not name this run. For
-    example, it is a run whose model is needed by the run that the user started. The text consists
-    of the name of the run and the message; the attributes `run` and `message` hold these two
-    separately.
+    """A warning about a run that the user did not name, for example a run whose model another run
+    needs. The text consists of the name of the run and the message; the attributes `run` and
+    `message` hold these two separately.
     """
 
     run: str
@@ -160,8 +159,8 @@ class RunWarning(str):
 
     @classmethod
     def of(cls, run: str, message: str) -> RunWarning:
-        """Return the warning of a run. A warning that already names another run is returned
-        unchanged.
+        """Return a warning about the run with the name `run`. If `message` is already a warning
+        about a run, it is returned unchanged.
         """
         if isinstance(message, RunWarning):
             return message

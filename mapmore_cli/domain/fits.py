@@ -45,7 +45,7 @@ bounds if nothing better is known.
 
 
 class Fit:
-    """Base class of fits, one for each kind (`modelling.kinds`)."""
+    """Base class of the results of fits. Each kind of model has a subclass (`modelling.kinds`)."""
 
 
 @dataclass(frozen=True)

@@ -62,8 +62,8 @@ def tex_comment(*lines: str) -> list[str]:
 
 
 def xml_text(text: str, kept: str = "") -> str:
-    """Return the text without the characters that XML must not contain, even if they are escaped.
-    Only printable characters and those in `kept` remain.
+    """Return the text without the characters that are not allowed in XML, not even as escape
+    sequences. Only printable characters and the characters in `kept` remain.
     """
     return text.translate(
         {

@@ -20,7 +20,7 @@ Side = Beyond | Number
 
 
 class Transition(NamedTuple):
-    """How the weight of a segment function rises from 0 to 1 over a transition zone (M2 figure 5).
+    """Rise of the weight of a segment function from 0 to 1 over a transition zone (M2 figure 5).
 
     - `words`: formula of the weight as text, for example `w = 3*t^2 - 2*t^3`.
     - `s`: function that returns the weight. Its second argument t runs from 0 to 1 over the zone,
@@ -47,9 +47,9 @@ TRANSITIONS: Mapping[str, Transition] = {
 class Joining(Settings):
     """Rules for joining segment functions, in the spec and in the model (M2 eq 9-11).
 
-    - `transition`: Course of a weight over a transition zone (M2 figure 5). With `linear`, the
-      slope of the output jumps at the ends of the zone; with the other two, it is continuous.
-      Example: `cubic`
+    - `transition`: How the weight of a segment function rises over a transition zone (M2 figure 5).
+      With `linear`, the slope of the output jumps at the ends of the zone; with the other two, it
+      is continuous. Example: `cubic`
     - `z_s`: Distance by which a transition zone reaches into each of two neighbouring segments, as
       a fraction of the width of this segment. A wider zone is smoother, but mixes the functions
       over a larger range. Example: `0.25`

@@ -276,7 +276,7 @@ def load(group: str, name: str) -> Any:
 def interrupts_of_user() -> Iterator[list[int]]:
     """Yield a list, to which the signal number is appended when the user presses Ctrl-C within the
     context. Ctrl-C still raises KeyboardInterrupt. If KeyboardInterrupt is raised and the list is
-    empty, code raised this exception, not the user.
+    empty, the exception was raised by code, not by the user.
     """
     interrupts, before = list[int](), signal.getsignal(signal.SIGINT)
 

@@ -41,7 +41,7 @@ def uncertainty_of(name: str) -> str:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A measured or modelled quantity."""
+    """A measured or modelled quantity: its name and its unit."""
 
     name: Annotated[QuantityName, "its name, such as `force`"]
     unit: Annotated[Label, "its unit, such as `kPa`, `1` or `N`"]
@@ -226,8 +226,8 @@ class Curve:
 
 
 def united(ranges: Iterable[Ranges]) -> dict[str, Ends]:
-    """Return the smallest range of each quantity that contains its ranges in all of the
-    mappings.
+    """Return, for each quantity, the smallest range that contains all its ranges. `ranges` are
+    several mappings from quantities to ranges.
     """
     whole: dict[str, Ends] = {}
     for limits in ranges:
@@ -304,7 +304,7 @@ class Signal:
     direction of motion.
 
     A rate is `factor` times the derivative with respect to the time in seconds. `seconds` is the
-    number of seconds in one unit in which the time is recorded.
+    number of seconds in one unit of the recorded time.
     """
 
     name: Annotated[QuantityName, "name of the input"]

@@ -307,7 +307,7 @@ class Search:
     target: str
     left_out: str  # data that each fold leaves out to compute `Tried.error`
     parts: str  # data that each fold leaves out to compute `Tried.parts`
-    scale: float  # divisor of errors, in the unit of the target
+    scale: float  # number by which errors are divided, in the unit of the target
     tried: tuple[Tried, ...]
     best: int  # index of the structure with the smallest error
     chosen: int  # index of the chosen structure

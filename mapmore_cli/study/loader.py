@@ -70,7 +70,7 @@ Check = Callable[[M], Iterable[Finding]]
 
 @dataclass(frozen=True)
 class Loaded(Generic[M]):
-    """A valid spec, with its place and the settings that were applied."""
+    """A valid spec, with the path of its file and the settings that were applied to it."""
 
     spec: M  # contents of the file, and defaults; all numbers are in the units of the model
     path: Path

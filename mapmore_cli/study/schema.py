@@ -1,6 +1,8 @@
-"""Make the JSON Schema of a spec, with which editors complete and check a spec while it is typed,
-and the reference of the keys of a spec. `mapmore schema` prints the schema (`make schema` writes it
-to `configs/`), and `mapmore schema keys` prints the reference.
+"""Make the JSON Schema of a spec, and the reference of its keys. With the schema, editors complete
+and check a spec while it is typed.
+
+`mapmore schema` prints the schema (`make schema` writes it to `configs/`), and `mapmore schema
+keys` prints the reference.
 """
 
 from __future__ import annotations
@@ -74,8 +76,8 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
 
 
 def _unit_within(value: object) -> str | None:
-    """Return the unit of the numbers at a key and remove it from the parts of the schema; `1` for
-    plain numbers, None if the key takes no numbers.
+    """Remove the unit of the numbers at a key from all parts of the schema of this key, and return
+    the unit: `1` for plain numbers, None if the key takes no numbers.
     """
     if isinstance(value, list):
         return next((unit for part in value if (unit := _unit_within(part))), None)

@@ -135,7 +135,8 @@ def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
         root = _composed(source.text)
     except yaml.YAMLError as error:
         explain_fault(error, source)
-    except (ValueError, OverflowError):  # `chr` raises these errors inside PyYAML
+    # PyYAML calls `chr`, which raises these errors for an invalid character number
+    except (ValueError, OverflowError):
         escape = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
         fault = f"{(escape[0] if escape else 'an escape')} is not a Unicode character"
         at = position_at(source, escape.start() if escape else 0)

@@ -124,8 +124,9 @@ def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
 
 
 def even_steps(subject: Subject) -> Issues:
-    """Require equal time steps in all recordings and no undeclared gaps, unless only the order of
-    samples matters to the model.
+    """Require equal time steps in all recordings, unless the model needs only the order of the
+    samples. Gaps within recordings, after which a model with memory forgets its past, give a
+    warning.
     """
     if not subject.spec.runs_over_time:
         return

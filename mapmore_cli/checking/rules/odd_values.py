@@ -26,7 +26,7 @@ def spikes_in(subject: Subject) -> Issues:
             if name == "time" or name not in recording.columns:
                 continue
             values = recording.columns[name]
-            # values are examined block by block, because a long record may change its character
+            # blocks are examined one by one, because a signal may behave differently later on
             blocks = enumerate(in_blocks(values, rows=WIDE))
             rows = np.concatenate([number * WIDE + spikes(x) for number, (x,) in blocks])
             limit = _vacuum(subject, name)

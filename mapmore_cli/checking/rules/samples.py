@@ -75,7 +75,7 @@ def same_signal(subject: Subject) -> Issues:
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         signals = " and ".join(names[place] for place in family)
-        # two inputs may be equal (two muscles of a joint, for example), an input and the target not
+        # inputs may be equal (as in a joint with two muscles), but no input may equal the target
         target = subject.target in (names[place] for place in family)
         yield Issue(
             "error" if target else "hint",
@@ -147,7 +147,7 @@ def still_cycles(subject: Subject) -> Issues:
     if cycles is None or not subject.has(cycles.over):
         return
     low, high = subject.span(cycles.over)
-    # a movement is noise below 5 % of the range of all recordings, or 1 % of the largest value
+    # a smaller movement is noise: 5 % of the range of all recordings, or 1 % of the largest value
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
     columns = [recording.columns[cycles.over] for recording in subject.kept]
     noisy = [_is_noise(values) for values in columns]

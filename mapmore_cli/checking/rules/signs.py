@@ -86,7 +86,7 @@ def strain_turned(subject: Subject) -> Issues:
     if muscle is None or muscle.kind not in KINDS or not subject.has("strain"):
         return
     if any(force_never_pulls(subject)):
-        # in this case, the sign of the force is probably wrong, and the sign of the strain right
+        # if the force never pulls, its sign is probably wrong, and not the sign of the strain
         return
     strain, pressure, force = (
         even_share(subject.pooled(name)) if subject.has(name) else np.zeros(1)

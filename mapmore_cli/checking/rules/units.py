@@ -57,8 +57,8 @@ def unit_in_the_name(subject: Subject) -> Issues:
 
 
 def unit_line(subject: Subject) -> Issues:
-    """Find unit lines that contradict the spec, for example kN below the name of a column that is
-    read in N.
+    """Find header lines whose units contradict the spec, for example kN below the name of a column
+    that is read in N.
     """
     if subject.recordings and (top := _header(subject, subject.recordings[0].source)) is not None:
         names, *below = [list(map(str, row)) for row in top.rows] or [[]]
@@ -73,7 +73,7 @@ def _header(subject: Subject, source: str) -> Top | None:
     peek = READERS[data.reader].peek
     tables = [data.table, *(one.table for one in data.files if isinstance(one, FileEntry))]
     if peek is None or int(data.header) < 2 or {*tables} != {None}:
-        # the first lines of a file may belong to another table than the one that the spec selects
+        # if the spec selects a table of the file, the first lines may belong to another table
         return None
     for top in peek(subject.folder / source, data.skip_rows + int(data.header)):
         if all(

@@ -68,7 +68,9 @@ def idle(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse settings that have no effect on a single model with memory."""
+    """Refuse settings that have no effect because a model with memory is not divided into pieces,
+    for example settings of segments and of their joining.
+    """
     fit, levels, target = spec.fit, spec.data.levels, spec.target_quantity
     for name, cut in spec.segment.items():
         remedy = "remove it and use `{name}` in the terms, or write `{name}: none`"

@@ -40,7 +40,7 @@ OF_PATHS = ("needs.static", "needs.damping", "data.files")
 
 
 def _with_paths(settings: Mapping[str, Any], change: Callable[[str], object]) -> dict[str, Any]:
-    """Return settings of a spec with `change` applied to every value that is a path."""
+    """Return settings of a spec in which each path `p` is replaced by `change(p)`."""
 
     def changed(value: object) -> object:
         if isinstance(value, list):
