@@ -24,11 +24,11 @@ COMPARED = 200
 # A target is a linear function of a column if it deviates by at most this fraction of its range.
 # Two columns contain the same signal if their absolute correlation is at least 1 minus this number.
 ROUNDING = 1e-4
-# a smaller share of the samples, or of a range, may be due to chance
+# a finding about less than this fraction of the samples, or of a range, may be due to chance
 LITTLE = 0.01
-# a larger share of the samples, or of a range, is worth a warning
+# a finding about more than this fraction of the samples, or of a range, is worth a warning
 SOME = 0.05
-# a share of the samples, or of a difference, is the greater part if it is larger than this
+# more than this fraction of the samples, or of a difference, is the greater part
 MUCH = 0.5
 
 # a pressure is settled if it changes by less than this fraction of its range per second

@@ -43,7 +43,7 @@ class Variant(Section):
 
 
 class Campaign(Section):
-    """The runs of a campaign, in the order of its tables."""
+    """A campaign: its runs, in the order in which its tables show them."""
 
     schema_version: Literal[1] = 1
     campaign: Name

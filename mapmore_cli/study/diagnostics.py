@@ -217,10 +217,11 @@ def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake
 
 def lost(error: ValidationError, root: Node, keys_at: KeysAt) -> Iterator[tuple[Loc, Loc | None]]:
     """Yield two paths for each value or section that pydantic rejected. The first is its own path,
-    at which it can be removed. The second is the path of the key that is then missing in the spec.
+    at which it can be removed. The second is the path of the key that the spec lacks if it is
+    removed.
 
-    Usually, both paths are equal. For an unknown key, the second path is that of a similar key that
-    the section lacks, or None if there is no such key.
+    Usually, both paths are equal. An unknown key, however, may be a misspelt one: its second path
+    is that of a similar key that the section lacks, or None if there is no such key.
     """
     for details in error.errors(include_url=False):
         loc, _ = _split(details["loc"], root)

@@ -58,7 +58,9 @@ keys at which the mistake is shown.
 
 
 class Section(BaseModel):
-    """Base class of every part of a spec: strict, without unknown keys, and immutable."""
+    """Base class of the sections of a spec. Types are checked strictly, unknown keys are refused,
+    and values cannot be changed afterwards.
+    """
 
     model_config = ConfigDict(
         extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True

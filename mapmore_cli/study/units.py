@@ -355,8 +355,8 @@ def is_same(unit: str, other: str) -> bool:
 
 
 def base_units(unit: str) -> BaseUnits | None:
-    """Return a unit in base units of the SI; None for an unknown unit or one with fractional
-    powers.
+    """Return a unit in base units of the SI; None for an unknown unit, or for a unit with
+    fractional powers.
     """
     try:
         parsed = _pint_unit(unit)

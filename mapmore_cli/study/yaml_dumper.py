@@ -34,8 +34,8 @@ def _on_one_line(node: yaml.Node) -> int:
 
 
 class _CoreDumper(yaml.SafeDumper):
-    """Dumper that quotes every text that `CoreLoader` would read as something else, and writes no
-    anchors.
+    """Dumper that puts quotes around every text that would be read as something else without
+    quotes, for example as a number. It writes no anchors.
     """
 
     yaml_implicit_resolvers = RESOLVERS

@@ -71,7 +71,7 @@ def beyond_training(subject: Subject) -> Issues:
             validation <= training.max() + margin
         )
         outside = validation[~is_inside]
-        # if the split does not name this quantity, a few values may lie outside by chance
+        # if the split does not name the quantity, a few values may lie outside the range by chance
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
             reached = f"{outside.min():.6g}" + (

@@ -70,7 +70,7 @@ def _turned(subject: Subject, what: str, where: str) -> Issue:
 
 
 TURNED = 0.5
-"""Smallest correlation against the known sign at which a strain counts as turned."""
+"""A strain is reported if its correlation has the wrong sign and a magnitude above this limit."""
 
 
 def strain_turned(subject: Subject) -> Issues:

@@ -168,8 +168,8 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that the values of the level quantity in `split.validate` and `fit.train_level` are
-    levels.
+    """Check the values of the level quantity in `split.validate` and `fit.train_level`: each must
+    be a level of the data.
     """
     levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
     if levels is None:

@@ -32,9 +32,9 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that units exist and have the right dimension: the units of the model suit the
-    quantities with a fixed meaning, and the units of columns can be converted to the units of the
-    model.
+    """Check that every unit exists and has the right dimension. A quantity with a fixed meaning,
+    such as `pressure`, must have a unit of its dimension in the model. It must be possible to
+    convert the unit of a column to the unit of its quantity in the model.
     """
     known, wrong = (*spec.data.quantities, *CANONICAL), set[str]()
     for name, unit in spec.units.items():

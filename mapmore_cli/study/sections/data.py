@@ -90,7 +90,7 @@ class Levels(Section):
       level. Half the smallest distance between two levels by default; a single level has all
       samples. Example: `10 kPa`
     - `value`: Value of the level quantity in each sample: `measured` is the measured value,
-      `nominal` the value of its level in `at`. Choose `nominal` if the sensor is noisier than the
+      `nominal` the value of its level. Choose `nominal` if the sensor is noisier than the
       test rig. Example: `nominal`
     """
 

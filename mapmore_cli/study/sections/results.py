@@ -218,8 +218,8 @@ class PublishedScores(Section):
     - `source`: Where the numbers were printed. Example: `M2 table 5`
     - `nrmse`: NRMSE of each model, as fractions. Example: `{sarosi: 0.021}`
     - `rmse`: RMSE of each model. Example: `{sarosi: 12.5}`
-    - `rmse_at_least`: Lower bound of the RMSE, for models of which the publication prints no more
-      than that. Example: `{sarosi: 10}`
+    - `rmse_at_least`: Lower bound of the RMSE, for each model for which the publication prints only
+      a bound. Example: `{sarosi: 10}`
     """
 
     source: str
