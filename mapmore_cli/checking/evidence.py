@@ -24,11 +24,11 @@ COMPARED = 200
 # A target is a linear function of a column if it deviates by at most this fraction of its range.
 # Two columns contain the same signal if their absolute correlation is at least 1 minus this number.
 ROUNDING = 1e-4
-# a finding about less than this fraction of the samples, or of a range, may be due to chance
+# a part of the samples, or of a range, may be due to chance if it is below this fraction
 LITTLE = 0.01
-# a finding about more than this fraction of the samples, or of a range, is worth a warning
+# a part of the samples, or of a range, is worth a warning if it is above this fraction
 SOME = 0.05
-# more than this fraction of the samples, or of a difference, is the greater part
+# a part of the samples, or of a difference, is the greater part if it is above this fraction
 MUCH = 0.5
 
 # a pressure is settled if it changes by less than this fraction of its range per second

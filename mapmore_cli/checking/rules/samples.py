@@ -147,7 +147,7 @@ def still_cycles(subject: Subject) -> Issues:
     if cycles is None or not subject.has(cycles.over):
         return
     low, high = subject.span(cycles.over)
-    # a smaller movement is noise: 5 % of the range of all recordings, or 1 % of the largest value
+    # movements below 5 % of the range of all recordings, or 1 % of the largest value, are noise
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
     columns = [recording.columns[cycles.over] for recording in subject.kept]
     noisy = [_is_noise(values) for values in columns]
