@@ -1,5 +1,5 @@
-"""Provide the regression engine as an estimator with the interface of scikit-learn, which need not
-be installed.
+"""Provide regression by FROLS as a class with the interface of a scikit-learn estimator. The
+package scikit-learn itself need not be installed.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from mapmore_cli.modelling.expressions.states import IDENTIFIER
 from mapmore_cli.modelling.frols.engine import frols
 from mapmore_cli.pipeline.frames import Door, labels_of
 
-TOLERANCE = 1e-4  # default tolerance with `stop: tolerance`
-FEWEST = 3  # a model may have this many terms, however few samples there are
-# largest rounding error of the differences between powers of a column that is not centred
+TOLERANCE = 1e-4  # default of `tolerance` if `stop` is `tolerance`
+FEWEST = 3  # the default of `max_terms` is at least this number, even if there are very few samples
+# A column with mean m and deviation s is centred if `eps (m/s)^order` is larger than this number.
 LOST = 1e-10
-# A coefficient is a sum of contributions, which may cancel. It counts as zero if it is smaller than
-# this fraction of the sum of their magnitudes.
+# A coefficient is a sum of contributions, which may cancel except for rounding errors.
+# A coefficient below this fraction of the sum of its absolute contributions is treated as zero.
 ROUNDING = 1e-13
 
 
@@ -81,8 +81,8 @@ class FROLS:
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
         """Select terms for the target `y`, (n,), among monomials of the columns of `X`, (n, m).
 
-        Raises ValueError if `X` is no table of numbers with at least two rows, if `y` is no column
-        of as many numbers, or if a value is not finite.
+        Raises ValueError if `X` is not a table of numbers with at least two rows, if `y` is not a
+        column with one number for each row of `X`, or if a value is not finite.
         """
         names, values = _names_of_frame(X), _numeric_table(X)
         target = _target(y, len(values))
@@ -117,8 +117,8 @@ class FROLS:
         return self
 
     def _names_of_centred(self, candidates: Sequence[Expression]) -> tuple[str, ...]:
-        """Return the candidates as texts in which a centred column is written as the difference of
-        the column and its offset.
+        """Return the candidate terms as texts, for example `(x0 - 3.5)^2`. In these texts, a column
+        that was centred is written as the difference of the column and its offset.
         """
         centred = {
             name: parse(f"{name} - {centre!r}" if centre > 0 else f"{name} + {-centre!r}")
@@ -129,8 +129,8 @@ class FROLS:
 
     def _centre_of(self, values: Array) -> Array:
         """Return the offset that is subtracted from each column, (m,). If a column is far from
-        zero, its powers differ by little more than rounding errors; the offset is then the mean of
-        the column. Otherwise, the offset is 0.
+        zero, the differences between its powers are hardly larger than rounding errors; the offset
+        is then the mean of the column. Otherwise, the offset is 0.
         """
         mean, spread = values.mean(axis=0), values.std(axis=0)
         far = spread * (LOST / np.finfo(float).eps) ** (1 / max(self.order, 1)) < np.abs(mean)
@@ -144,11 +144,12 @@ class FROLS:
         self, candidates: Sequence[Expression], selection: Selection
     ) -> tuple[tuple[str, ...], Array, Array]:
         """Return the model in the original columns: terms, coefficients and error reduction ratios,
-        (k,) each. If a column was centred, the powers of (column - offset) are expanded in exact
-        fractions.
+        (k,) each. If columns were centred, the powers of (column - offset) are expanded. The
+        coefficients are computed as exact fractions.
         """
         m, chosen = len(self._columns), selection.chosen.tolist()
-        # In row j, column j is 2 and the others are 1, so a monomial is 2^(its power of column j).
+        # At point j, column j has the value 2, and every other column has the value 1.
+        # At point j, a monomial therefore has the value 2^p, where p is its exponent of column j.
         twos = dict(zip(self._columns, 1 + np.eye(m), strict=True))
         powers = np.log2(dictionary_matrix(candidates, twos, m)).round().astype(int).T.tolist()
         number_of = {tuple(power): number for number, power in enumerate(powers)}
@@ -190,15 +191,16 @@ class FROLS:
         """Return R² of the prediction."""
         predicted = self.predict(X)
         target = _target(y, len(predicted))
-        unit = float(np.abs(target).max()) or 1.0  # division by it keeps squares from overflowing
+        # values are divided by this number, so that their squares do not overflow
+        unit = float(np.abs(target).max()) or 1.0
         predicted, target = predicted / unit, target / unit
         spread = float(np.sum((target - target.mean()) ** 2))
         return 1.0 - float(np.sum((target - predicted) ** 2)) / spread if spread else 0.0
 
     @property
     def table_(self) -> list[dict[str, Any]]:
-        """One row for each term, in the order of selection, with the keys `term`, `coefficient`,
-        `standard_error`, `t` and `err`.
+        """The rows of the table of coefficients: a mapping for each term, in the order of
+        selection, with the keys `term`, `coefficient`, `standard_error`, `t` and `err`.
         """
         self._check_fitted()
         return self.selection_.table()
@@ -268,8 +270,8 @@ class FROLS:
 def _expanded(
     powers: Sequence[int], offsets: Sequence[Fraction]
 ) -> Iterator[tuple[tuple[int, ...], Fraction]]:
-    """Expand the product of all (column - offset)^power by the binomial theorem. Yield the powers
-    and the coefficient of every monomial whose coefficient is not zero.
+    """Expand the product of all `(column - offset)^power` by the binomial theorem. For every
+    monomial whose coefficient is not zero, yield the powers of the columns and the coefficient.
     """
     for lower in product(*(range(power + 1) for power in powers)):
         factor = Fraction(1)
@@ -280,8 +282,8 @@ def _expanded(
 
 
 def _names_of_frame(X: object) -> list[str] | None:
-    """Return the names of the columns of a frame; None if it has no names, or if a name is not a
-    text.
+    """Return the names of the columns of a data frame. Return None if `X` has no column names, or
+    if a name is not a text. Raises ValueError if two columns have the same name.
     """
     labels = labels_of(X) or ()
     names = [label for label in labels if isinstance(label, str)]
@@ -327,8 +329,8 @@ def _target(y: object, rows: int) -> Array:
 
 
 def _of_sklearn(name: str, otherwise: type) -> Any:
-    """Return the error class that scikit-learn uses, if scikit-learn is loaded. If it is not
-    loaded, return `otherwise`.
+    """Return the exception or the warning of scikit-learn with this name, if scikit-learn is
+    loaded. If it is not loaded, return `otherwise`.
     """
     return getattr(sys.modules.get("sklearn.exceptions"), name, otherwise)
 

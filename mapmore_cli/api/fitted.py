@@ -1,6 +1,4 @@
-"""Provide the result of a fit in Python. It consists of the model, its scores, and the spec from
-which it was made.
-"""
+"""Define the result of `fit`: the model, its scores, and the spec from which the model was made."""
 
 from __future__ import annotations
 
@@ -61,9 +59,7 @@ _SHOWN = 8
 
 class Scores(tuple[Mapping[str, Any], ...]):
     """The rows of `scores.json`, each a mapping such as `{"model": "mapmore", "split": "validate",
-    "nrmse": 0.01, ...}`.
-
-    `print(scores)` shows the pooled rows as a table.
+    "nrmse": 0.01, ...}`. `print(scores)` shows the rows in which all curves are pooled as a table.
     """
 
     table: ScoreTable
@@ -91,8 +87,8 @@ class Scores(tuple[Mapping[str, Any], ...]):
     def of_model(
         self, model: str = "mapmore", split: str = "validate", target: str | None = None
     ) -> Mapping[str, Any]:
-        """Return the row of a model in which all curves are pooled. Without `target`, it is the row
-        of the first target. Raises `KeyError` if the table has no such row.
+        """Return the row of a model in which all curves are pooled. Without the argument `target`,
+        it is the row of the first target. Raises `KeyError` if the table has no such row.
         """
         for row in self:
             row_key = (row["model"], row["split"], row["curve"])
@@ -118,7 +114,9 @@ class Study:
 
     @property
     def columns(self) -> Mapping[str, Any]:
-        """The caller's section `columns` of the spec."""
+        """The mapping `data.columns` of the caller's spec; empty if the spec has no such
+        mapping.
+        """
         section: Mapping[str, Any] = self.document["data"].get("columns", {})
         return section
 
@@ -134,8 +132,9 @@ class Study:
         return load_text(text, HERE, self.folder, as_overrides(changes), tables)
 
     def written(self, place: Path) -> str:
-        """Write the frames to a folder beside the file `place`. Return the text of the spec for
-        this file, which reads the frames from that folder.
+        """Return the text of a spec to be stored in the file `place`. If the recordings are frames
+        in memory, first write them to files in a folder beside `place`; the spec then reads these
+        files.
         """
         loaded = self.loaded()
         if loaded.tables:
@@ -184,7 +183,7 @@ class _Bar:
     """
 
     def __init__(self, is_wanted: bool | None) -> None:
-        from rich.console import Console  # only a bar needs this import
+        from rich.console import Console  # imported here, because only a progress bar needs `rich`
 
         self._console = Console(stderr=True)
         self._bar: Progress | None = None

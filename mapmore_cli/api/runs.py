@@ -27,7 +27,7 @@ from mapmore_cli.study.yaml_dumper import as_overrides
 
 @dataclass(frozen=True, repr=False)
 class Run(Finished):
-    """Result of `run`: a run whose stages are all up to date.
+    """Result of `run`, in which all stages are up to date.
 
     Attributes
     ----------

@@ -179,8 +179,7 @@ def fit(
 def _data_of(
     frame: object, section: dict[str, Any], target: object
 ) -> tuple[dict[str, Any], tuple[Any, ...]]:
-    """Return the section `data` and the frames in memory; no frames if files are read.
-
+    """Return the section `data`, and the frames in memory. If files are read, there are no frames.
     Raises SpecError if there is no table, or if frames and files are mixed.
     """
     tables = list(frame) if isinstance(frame, list | tuple) else [frame]
@@ -204,10 +203,8 @@ def _data_of(
 
 
 def _reader_of(path: object) -> str:
-    """Return the name of the reader for a file, from the ending of its name; `csv` for an unknown
-    ending.
-
-    Raises SpecError for a value that is no path.
+    """Return the name of the reader for a file, chosen by the ending of the file name; `csv` for an
+    unknown ending. Raises SpecError if the value is not a path.
     """
     if not isinstance(path, str | Path):
         raise SpecError(

@@ -1,1 +1,3 @@
-"""Define the rules of `mapmore check`, which every run applies too."""
+"""Define the rules that `mapmore check` applies to a spec and its data. Every run applies these
+rules, too.
+"""

@@ -87,9 +87,9 @@ def issues_of(
 
 
 def issues_without_curves(loaded: LoadedSpec) -> list[Issue]:
-    """Return the issues of recordings from which no curves can be made, because they may explain
-    why. For example, a strain in per cent can be the reason why no sample is at its level. Return
-    nothing if the recordings cannot be read.
+    """Apply the rules about recordings in a study in which no curves can be made, and return their
+    issues. An issue may be the reason why there are no curves: for example, if a strain is in per
+    cent, no sample lies near a level. Return an empty list if the recordings cannot be read.
     """
     bare: dict[str, Any] = {
         "derive": {},

@@ -1,5 +1,5 @@
-"""Find facts in the numbers of recordings: rest, one signal in two units, different outputs at
-equal inputs, and spikes.
+"""Find facts in the values of recordings: how often the pressure is at rest, which columns contain
+the same signal, whether outputs differ at equal inputs, and where a signal has spikes.
 """
 
 from __future__ import annotations
@@ -17,32 +17,37 @@ from mapmore_cli.modelling.signals.rates import rate
 from mapmore_cli.modelling.signals.sampling import PART, correlation, even_parts, even_share
 from mapmore_cli.study.units import convert
 
-FEWEST = 30  # smallest number of samples; with fewer, a finding may be due to chance
-# largest number of recordings that are compared with each other, evenly spread over all
+# smallest number of samples that are examined; with fewer, a finding may be due to chance
+FEWEST = 30
+# largest number of recordings that are compared; if there are more, every n-th is compared
 COMPARED = 200
-# A target was computed from a column if it lies on a line up to this fraction of its range.
-# Two columns are one signal if the magnitude of their correlation is at least 1 minus this number.
+# A target is a linear function of a column if it deviates by at most this fraction of its range.
+# Two columns contain the same signal if their absolute correlation is at least 1 minus this number.
 ROUNDING = 1e-4
-LITTLE = 0.01  # below this fraction of the samples or of a range, a finding may be due to chance
-SOME = 0.05  # above this fraction of the samples or of a range, a finding is worth a warning
-# limit between the smaller and the greater part: of samples, a difference, or the largest value
+# a part of the samples, or of a range, may be due to chance if it is below this fraction
+LITTLE = 0.01
+# a part of the samples, or of a range, is worth a warning if it is above this fraction
+SOME = 0.05
+# a part of the samples, or of a difference, is the greater part if it is above this fraction
 MUCH = 0.5
 
-SLOW = 0.04  # largest rate of a settled pressure, as a fraction of the pressure range per second
-SHORTEST = 0.1  # smallest width of the window for the rate, s
-SAMPLES = 8  # smallest number of samples in the window
-MIDDLE = (0.1, 0.9)  # limits of the middle of the pressure range, as fractions of the range
+# a pressure is settled if it changes by less than this fraction of its range per second
+SLOW = 0.04
+SHORTEST = 0.1  # smallest width of the window in which the rate of the pressure is computed, s
+SAMPLES = 8  # smallest number of samples in the window in which the rate is computed
+# the middle of the pressure range lies between these two fractions of the range
+MIDDLE = (0.1, 0.9)
 
 
 @dataclass(frozen=True)
 class Settling:
-    """Settling of a pressure.
+    """Result of `settling`: how much of the time a pressure is settled.
 
-    A sample is settled if the pressure changes there by less than `limit` per second. The rate is
-    computed in a `window` (s). `share` is the settled share of all samples. `share_between` is the
-    settled share of the samples in the middle of the pressure range. This share is large if the
-    pressure moves in steps, because the pressure then rests in the middle of its range, too. It is
-    small for a sweep.
+    A sample is settled if the pressure changes there by less than `limit` per second. The rate of
+    change is computed in a window of `window` seconds. `share` is the fraction of all samples that
+    are settled. `share_between` is the fraction that is settled among the samples in the middle of
+    the pressure range. It is large if the pressure moves in steps, because the pressure then also
+    rests in the middle of its range. It is small if the pressure moves steadily through its range.
     """
 
     limit: float
@@ -52,8 +57,8 @@ class Settling:
 
 
 def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | None:
-    """Return the share of settled samples in recordings of a pressure. `unit` is the unit of their
-    time.
+    """Return how much of the time the pressure is settled in the recordings. `unit` is the unit of
+    their column `time`.
 
     Return None if the pressure is constant, or if no rate can be computed from the time stamps.
     """
@@ -73,7 +78,8 @@ def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | Non
         rates = np.concatenate(
             [rate(time, pressure, window, order=2) for time, pressure in records]
         )
-    except DataError:  # some gaps are wider than the window of the rate
+    # this error is raised if the time stamps have a gap that is wider than the window
+    except DataError:
         return None
     settled = np.abs(rates) < limit
     low, high = (pressures.min() + place * np.ptp(pressures) for place in MIDDLE)
@@ -84,7 +90,7 @@ def settling(recordings: Sequence[Recording], unit: str = "s") -> Settling | Non
 
 
 def two_digits(value: float) -> float:
-    """Return a positive number rounded to two digits, as a person would choose it."""
+    """Return a positive number rounded to two significant digits."""
     return float(f"{round(value, 1 - math.floor(math.log10(value))):.6g}")
 
 
@@ -93,10 +99,12 @@ def two_digits(value: float) -> float:
 
 
 def same_signals(columns: Sequence[Array]) -> list[list[int]]:
-    """Return groups of indices of columns, (n,), that equal each other up to a factor and an
-    offset, one list for each repeated signal.
+    """Return groups of columns, (n,) each, that contain the same signal: in a group, each column is
+    a linear function `a y + b` of any other column y. Each group is a list of at least two indices
+    of columns.
 
-    Columns of different lengths, for example because one lacks values, are not compared.
+    Two columns of different lengths are not compared. Their lengths differ, for example, if values
+    are missing in one of them.
     """
     families: list[list[int]] = []
     shares: dict[int, Array] = {}
@@ -120,11 +128,11 @@ def same_signals(columns: Sequence[Array]) -> list[list[int]]:
 
 @dataclass(frozen=True)
 class Unequal:
-    """Two recordings with equal inputs, sample for sample, and different outputs.
+    """Two recordings whose inputs are equal, sample for sample, but whose outputs differ.
 
-    All numbers are root mean squares divided by the range of the `target`. `apart` is the distance
-    between the outputs. `left` holds the distances that remain after one output is fitted to the
-    other by a factor (`gain`), by a constant (`offset`), or by both (`offset gain`).
+    All numbers are root mean squares divided by the range of the `target`. `apart` is the
+    difference between the two outputs. `left` holds the difference that remains after one output is
+    fitted to the other by a factor (`gain`), by a constant (`offset`), or by both (`offset gain`).
     """
 
     one: Recording
@@ -136,9 +144,11 @@ class Unequal:
 
     @property
     def effects(self) -> list[str]:
-        """Names of the effects that explain most of the difference, as they are written in
-        `data.groups`: the effect that explains more, or both effects if together they leave much
-        less of the difference than either alone. Empty if most of the difference remains.
+        """Names of the effects that explain the difference, as the section `data.groups` names
+        them: `gain`, `offset`, or both. Usually only the better effect is returned, which leaves a
+        smaller difference than the other effect. Both are returned if the better effect leaves more
+        than 5 % of the difference, and both together leave less than half of what it leaves. The
+        list is empty if at least half of the difference remains.
         """
         best = min(("gain", "offset"), key=lambda effect: self.left[effect])
         both = "offset gain"
@@ -148,14 +158,14 @@ class Unequal:
 
     @property
     def is_large(self) -> bool:
-        """Return True if the difference is larger than almost any difference between
-        repetitions.
+        """Return True if the outputs differ by more than 5 % of the range of the target.
+        Repetitions of the same measurement hardly ever differ so much.
         """
         return self.apart > SOME
 
     def words(self) -> str:
-        """Return a sentence about the difference of the two outputs, and about the share of this
-        difference (of its sum of squares) that each effect explains.
+        """Return a sentence that states by how much the two outputs differ, and which share of the
+        squared difference is explained by a gain, by an offset, and by both.
         """
         gain, offset, both = (f"{1 - (left / self.apart) ** 2:.0%}" for left in self.left.values())
         return (
@@ -173,8 +183,9 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
 
     Inputs are equal if they differ by less than 1 % of their ranges (rms). They are compared from
     the first sample to the end of the shorter recording, which must have at least half as many
-    samples as the longer one. A quantity was held constant if it stays within 1 % of its largest
-    value. Of more than 200 recordings, only some that are evenly spread are compared.
+    samples as the longer one. Inputs that were held constant are not compared; their range over all
+    recordings is at most 1 % of their largest absolute value. Of more than 200 recordings, only
+    some that are evenly spread are compared.
     """
     usable = [recording for recording in recordings if recording.rows_kept >= FEWEST]
     if not usable:
@@ -202,7 +213,9 @@ def unequal(recordings: Sequence[Recording], inputs: Sequence[str], target: str)
 def _with_equal_inputs(
     recordings: Sequence[Recording], ranges: Mapping[str, float]
 ) -> Iterator[tuple[Recording, Recording, int]]:
-    """Yield all pairs of recordings with equal inputs, and the length of the shorter recording."""
+    """Yield every pair of recordings with equal inputs, together with the number of samples of the
+    shorter recording. `ranges` holds the range of each input.
+    """
     begins = np.array(
         [
             [recording.columns[x][:FEWEST] / size for x, size in ranges.items()]
@@ -223,8 +236,8 @@ def _with_equal_inputs(
 
 
 def _left(first: Array, second: Array) -> tuple[float, dict[str, float]]:
-    """Return the distance of two outputs, and the distances that remain after one of them is
-    corrected by a gain, an offset, or both.
+    """Return the root mean square of the difference of two outputs, and what remains of it after
+    one output is corrected by a gain, by an offset, or by both.
     """
     less, more = sorted((first, second), key=root_mean_square)
     ones, apart = np.ones_like(more), less - more
@@ -243,17 +256,19 @@ def _left(first: Array, second: Array) -> tuple[float, dict[str, float]]:
 # Single samples
 # --------------------------------------------------------------------------------------------------
 
-STANDS_OUT = 4.0  # smallest ratio of the height of a spike to the largest other change
+# smallest ratio of the height of a spike to the largest other change between samples
+STANDS_OUT = 4.0
 
 
 def spikes(values: Array) -> IntArray:
-    """Return the indices of single samples in a record, (n,), that lie far from both neighbours.
-    Nothing is returned if there are more such samples than 1 % of the record, because they are then
-    a property of the signal.
+    """Return the indices of the spikes in a record, (n,): single samples that are much larger, or
+    much smaller, than both neighbours.
 
-    Such a sample lies to one side of both neighbours. Its height is at least four times the
-    difference of the neighbours, four times the largest change anywhere else in the record, and a
-    quarter of its range. Steps, and signals of two values, have no such sample.
+    The height of a spike is its distance from the nearer neighbour. It is at least four times the
+    difference of the two neighbours. It is larger than four times the largest change between other
+    samples, and larger than a quarter of the range of the other samples. Steps, and signals with
+    only two values, have no spikes. Nothing is returned if more than 1 % of the samples are spikes,
+    because spikes are then a property of the signal.
     """
     none = np.zeros(0, dtype=np.int64)
     if len(values) < FEWEST:
@@ -268,14 +283,14 @@ def spikes(values: Array) -> IntArray:
     span = float(np.ptp(np.delete(values, lone)))
     steps = np.delete(np.abs(np.diff(values)), np.union1d(lone - 1, lone))
     usual = max(STANDS_OUT * float(steps.max(initial=0.0)), span / STANDS_OUT)
-    # a record whose values are all equal has no spikes
+    # if all other values are equal, nothing is reported as a spike
     return lone[height[lone] > usual] if span else none
 
 
 def _heights(x: Array) -> Array:
-    """Return by how much the value of each sample (except the ends) lies above or below the values
-    of both neighbours, (n - 2,). The result is negative if the value lies between the values of the
-    neighbours.
+    """Return the height of each sample as a spike, (n - 2,), without the first and the last sample.
+    If a sample is larger, or smaller, than both neighbours, the height is its distance from the
+    nearer neighbour. The height is negative if the sample lies between its neighbours.
     """
     steps = np.diff(x)
     before, after = steps[:-1], steps[1:]

@@ -1,5 +1,5 @@
-"""Keep the findings of the rules about a run. Every command that brings the run up to date reports
-these findings, and the run folder stores them.
+"""Define the findings of `mapmore check`, and store them in the run folder. Every command that
+brings a run up to date reports the findings about this run.
 """
 
 from __future__ import annotations
@@ -51,22 +51,23 @@ class Issue:
 
     @property
     def sentence(self) -> str:
-        """The finding as a sentence: message, remedy and id. The place is left out, because a run
-        stays up to date when the lines of its spec move.
+        """The finding as a sentence: message, remedy and id. The place is left out, because a
+        stored line number may be wrong: a run stays up to date if only the lines of its spec are
+        moved.
         """
         return f"{self.message}; {self.remedy} [{self.id}]"
 
 
 def is_for_the_spec(errors: Iterable[Issue]) -> bool:
-    """Return True if one of the errors is in the spec. The spec must then be corrected first, and
-    after that the data are checked again.
+    """Return True if at least one of the errors is in the spec. The user must then correct the spec
+    first; afterwards, the data are checked again.
     """
     return any(issue.cause == "spec" for issue in errors)
 
 
 def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
-    """Return the error that ends a run: all issues that are errors, with places and remedies; None
-    without errors.
+    """Return the exception that ends a run because of its issues. Its message contains every issue
+    that is an error, with place and remedy. Return None if no issue is an error.
     """
     errors = [issue for issue in issues if issue.severity == "error"]
     if not errors:
@@ -113,8 +114,8 @@ def mark_of(loaded: LoadedSpec, ingested: str) -> str:
 
 
 def kept(run_dir: Path, mark: str | None = None) -> tuple[Issue, ...] | None:
-    """Return the stored findings of a run; None if they were stored with another `mark`, because
-    something on which they depend has changed.
+    """Return the stored findings of a run. Return None if there are none, or if they were stored
+    with another `mark`, because something on which they depend has changed.
     """
     with suppress(OSError, ValueError):
         stored = _KEPT.validate_json(content_of(run_dir / FINDINGS))

@@ -1,4 +1,6 @@
-"""Interpret names: titles of columns, and words in names of files, folders and sheets."""
+"""Find quantities and units in names: in column names, and in names of files, folders and
+sheets.
+"""
 
 from __future__ import annotations
 
@@ -48,13 +50,13 @@ class ColumnTitle:
 
 
 def read_label(name: str) -> ColumnTitle | None:
-    """Return the meaning of a column's name: `pressure_kPa` and `P [kPa]` are pressures in kPa;
-    None for a name without a known meaning.
+    """Return the meaning of a column's name, for example a pressure in kPa for `pressure_kPa` and
+    for `P [kPa]`; None for a name without a known meaning.
 
-    The first word that names a quantity is used, and a unit is expected after it. If no word names
-    a quantity, a unit of pressure shows that it is a pressure.
+    The first word that names a quantity is used, and a unit is expected after this word. If no word
+    names a quantity, but the name contains a unit of pressure, the column is a pressure.
     """
-    # camel case is split, and `pL` into `p` and `L` (left); kPa and MPa are not split
+    # split camel case (`forceSensor`) and `pL` (left pressure), but not the units kPa and MPa
     apart = re.sub(
         r"(?<=[a-z]{3})(?=[A-Z])|(?<=\bp)(?=[LRAB]\b)", " ", spell_pressures(name).replace("_", " ")
     )
@@ -85,5 +87,5 @@ def unit_in(quantity: str, text: str) -> str | None:
         return None
     units = [unit_of(word, like) for word in _TOKEN.findall(spell_pressures(text))]
     known = [unit for unit in units if unit is not None]
-    # in `x in mm`, the preposition `in` is no inch
+    # a unit other than `in` is preferred, because `in` is a preposition in a name such as `x in mm`
     return next((unit for unit in known if unit != "in"), next(iter(known), None))

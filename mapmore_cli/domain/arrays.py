@@ -89,14 +89,17 @@ whatever the number of samples, for example the calls of a model.
 
 
 def row_blocks(size: int, rows: int = ROWS) -> Iterator[slice]:
-    """Yield consecutive slices of `rows` rows that cover `size` rows, at least one slice."""
+    """Yield consecutive slices that cover `size` rows. Each slice has `rows` rows; the last slice
+    may have fewer. If `size` is 0, yield a single empty slice.
+    """
     return (slice(start, min(start + rows, size)) for start in range(0, max(size, 1), rows))
 
 
 def in_blocks(*columns: Any, overlap: int = 0, rows: int = ROWS) -> Iterator[tuple[Any, ...]]:
-    """Yield blocks of columns of equal length, shape (n, ...) each, at least one block.
+    """Yield blocks of consecutive rows of columns of equal length, shape (n, ...) each. Every block
+    is a tuple with the same rows of each column. Empty columns give a single empty block.
 
-    Every block but the first begins with the last `overlap` rows of the block before.
+    Every block except the first begins with the last `overlap` rows of the block before.
     """
     for part in row_blocks(len(columns[0]), rows):
         yield tuple(column[max(0, part.start - overlap) : part.stop] for column in columns)
@@ -106,15 +109,15 @@ def in_blocks(*columns: Any, overlap: int = 0, rows: int = ROWS) -> Iterator[tup
 
 
 def extremes(column: Array, mask: BoolArray | None = None) -> Ends:
-    """Return the smallest and the largest value of a column, (n,), optionally of the rows in `mask`
-    only; NaN if a value is NaN. Raises ValueError if there is no value.
+    """Return the smallest and the largest value of a column, (n,), or of its rows in `mask`; NaN if
+    a value is NaN. Raises ValueError if there is no value.
     """
-    if len(column) <= ROWS:  # fast path for the many short curves
+    if len(column) <= ROWS:  # for a short column, a computation without blocks is faster
         values = column if mask is None else column[mask]
         return float(values.min()), float(values.max())
     if mask is not None and not mask.all():
         return _ends_of(blocks_where(column, mask))
-    # the extremes of a mapped column are stored, because the contents of its file do not change
+    # The extremes of a column in a file are remembered, because the file does not change.
     of = _map_of(column)
     known = {} if of is None else _mapped.setdefault(of, {})
     place = (column.__array_interface__["data"][0], column.shape, column.strides)
@@ -152,7 +155,8 @@ _mapped: WeakKeyDictionary[mmap.mmap, dict[Any, Ends]] = WeakKeyDictionary()
 
 def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
     """Join blocks into whole columns. Each block has a part of every column, (b,) or (b, k), and
-    there must be at least one block. Raises OSError if the disk is full.
+    there must be at least one block. Long columns are written to files. Raises OSError if the disk
+    is full.
     """
     held: list[Sequence[Any]] = []
     size, rest = 0, iter(blocks)
@@ -168,7 +172,8 @@ def stacked(blocks: Iterable[Sequence[Any]]) -> list[Any]:
 
 def _in_files(blocks: Iterable[Sequence[Any]], like: Sequence[Any]) -> list[Any]:
     """Write the columns to files, block by block, and return them as arrays mapped from these
-    files. Data types and numbers of values per row are those of the blocks `like`.
+    files. The columns have the data types, and the numbers of values per row, of the parts in the
+    block `like`.
     """
     with ExitStack() as opened:
         files = [opened.enter_context(tempfile.TemporaryFile(dir=SCRATCH.get())) for _ in like]
@@ -189,14 +194,14 @@ def by_blocks(function: Callable[..., Any], *columns: Any, rows: int = ROWS) -> 
     """Return `function(*columns)`, computed in blocks. Each row of the result may depend only on
     the same row of the columns.
     """
-    if len(columns[0]) <= rows:  # fast path for the many short curves
+    if len(columns[0]) <= rows:  # for a short column, a computation without blocks is faster
         return function(*(column[:rows] for column in columns))
     return stacked([function(*block)] for block in in_blocks(*columns, rows=rows))[0]
 
 
 def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, Any]) -> Any:
-    """Return `function(columns)`, (n,), computed in blocks. Each row of the result may depend only
-    on the same row of the columns.
+    """Return `function(columns)`, (n,), computed in blocks, where `columns` is a mapping from names
+    to columns. Each row of the result may depend only on the same row of the columns.
     """
     return by_blocks(
         lambda *block: function(dict(zip(columns, block, strict=True))),
@@ -206,13 +211,13 @@ def row_by_row(function: Callable[[dict[str, Any]], Any], columns: Mapping[str, 
 
 
 def picked(values: Any, rows: Rows | BoolArray) -> Any:
-    """Return the values at some rows, (n,), given as row numbers or as a mask. If `values` is a
-    range of row numbers, the result consists of row numbers too. A long column is read in small
-    parts.
+    """Return the values at some rows, (n,). The rows are given as row numbers or as a mask.
+    `values` may be a range of row numbers; the result then consists of row numbers. A long column
+    is read in small parts.
     """
     if isinstance(rows, range):
         return values[rows.start : rows.stop]
-    if len(values) <= ROWS:  # fast path for the many short curves
+    if len(values) <= ROWS:  # for a short column, a computation without blocks is faster
         return row_numbers(values)[rows]
     if rows.dtype == np.bool_:
         return by_blocks(lambda part, here: row_numbers(part)[here], values, rows)
@@ -233,8 +238,8 @@ def joined(columns: Sequence[Any]) -> Any:
 
 
 def row_numbers(rows: Rows) -> IntArray:
-    """Return row numbers as an array, (n,), or unchanged if they are a range, because a range needs
-    no memory.
+    """Return row numbers as an array, (n,). A range is converted; an array is returned
+    unchanged.
     """
     return np.arange(rows.start, rows.stop, rows.step) if isinstance(rows, range) else rows
 

@@ -23,7 +23,7 @@ class Normaliser:
 
     name: str
     value: float
-    # maximum minus minimum of the samples from which the normaliser is computed
+    # range (maximum minus minimum) of the samples from which the normaliser is computed
     extent: float = math.nan
 
     def fraction(self, error: float) -> float:
@@ -42,7 +42,7 @@ class SampleBlock(NamedTuple):
     recorded: Array
     measured: Array
     predicted: Array
-    one_step: Array  # one-step-ahead predictions, from measured outputs
+    one_step: Array  # one-step-ahead predictions, which are computed from measured outputs
     half: Array  # half the width of the prediction interval
     sigma: Array  # standard deviation of the measured values
 
@@ -54,9 +54,10 @@ class SampleBlock(NamedTuple):
 
 @dataclass(frozen=True)
 class Compared:
-    """All samples of a row of the score table. Each call of `blocks` yields them, block by block.
+    """All samples that belong to a row of the score table. Each call of `blocks` returns these
+    samples, block by block.
 
-    - `scale`: divisor of errors.
+    - `scale`: number by which errors are divided.
     - `free`: number of parameters that were fitted to these samples.
     """
 
@@ -65,17 +66,19 @@ class Compared:
     free: int = 0
 
     def total(self, of: Callable[[SampleBlock], Array | BoolArray]) -> float:
-        """Return the sum of `function(block)` over all samples."""
+        """Return the sum of `of(block)` over all samples."""
         return float(sum(float(of(block).sum()) for block in self.blocks()))
 
     def spread(self, of: Callable[[SampleBlock], Array]) -> float:
-        """Return the sum of squares of `function(block)` minus its mean, over all samples."""
+        """Return the sum of squares, over all samples, of the difference between `of(block)` and
+        its mean.
+        """
         mean = self.total(of) / max(sum(len(of(block)) for block in self.blocks()), 1)
         return self.total(lambda block: (of(block) - mean) ** 2)
 
     def median(self, of: Callable[[SampleBlock], Array]) -> float:
-        """Return the median of the finite values, taken from at most a million evenly spread
-        values; NaN if there are none.
+        """Return the median of the finite values of `of(block)`; NaN if there are none. Of more
+        than a million values, only some that are evenly spread are used.
         """
         every = 1 + self.n // MOST_VALUES
         values = np.concatenate([of(block)[::every] for block in self.blocks()])
@@ -84,7 +87,7 @@ class Compared:
 
     @cached_property
     def known(self) -> set[str]:
-        """Names of the columns in which a value is known."""
+        """Names of the columns of `SampleBlock` in which at least one sample has a finite value."""
         columns = (column for block in self.blocks() for column in block._asdict().items())
         return {name for name, values in columns if np.isfinite(values).any()}
 

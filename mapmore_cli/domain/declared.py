@@ -1,11 +1,12 @@
-"""Declare each setting once, as a field of a frozen dataclass in the module that uses it.
+"""Define the types by which the settings of a spec are declared. Each setting is declared once, as
+a field of a frozen dataclass in the module that uses the setting.
 
     z_s: Annotated[float, Interval(ge=0, le=0.5)] = 0.25
 
-The type and the default are written at the field, bounds are `annotated_types`, a unit is an
-`InUnit`, and the explanation is in the docstring of the class. The spec validates these classes,
-and its JSON schema and `docs/spec.md` are made from them. Pydantic calls special methods of these
-types by name, so pydantic is not imported here.
+The annotation of the field contains its type, its bounds (from the package `annotated_types`), and
+its unit (`InUnit`). The default is its value, and the explanation is in the docstring of the class.
+The spec is validated with these classes, and its JSON schema and `docs/spec.md` are made from them.
+Pydantic calls special methods of these types by name, so pydantic is not imported here.
 """
 
 from __future__ import annotations
@@ -60,8 +61,8 @@ class Settings:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: object, handler: Handler) -> object:
-        """Return a schema that also accepts mappings. The values in a mapping are still checked
-        strictly.
+        """Return a schema that also accepts a mapping in place of an object of the class. The
+        values in the mapping are still checked strictly.
         """
         schema = {**handler(source), "strict": False}
         ref = schema.pop("ref", None)
@@ -70,8 +71,8 @@ class Settings:
 
     @classmethod
     def _noted(cls, value: object, info: Info) -> object:
-        """Tell the loader which keys this mapping may have, because messages about unknown keys
-        name the known ones.
+        """Tell the loader which keys this mapping may have. The loader lists these keys in messages
+        about unknown keys.
         """
         if info.context is not None and isinstance(value, Mapping):
             info.context.note(value, [key.name for key in fields(cls)])
@@ -95,7 +96,8 @@ def before(schema: object, function: Callable[[Any, Any], object]) -> dict[str, 
 
 class Contradiction(ValueError):
     """Error for settings that contradict each other, or for a value that its key does not allow.
-    The message points to the first key in `near` that the section has; without such a key, it
+    `near` holds names of keys of a section. The message points to the first of these keys that the
+    section has. If the section has none of them, it points to the section. If `near` is empty, it
     points to the value.
     """
 
@@ -105,8 +107,8 @@ class Contradiction(ValueError):
 
 
 def from_fields(of: type[S], settings: object, **own: object) -> S:
-    """Return an object of the class `of`. Each field takes its value from `own` if `own` has its
-    name, and otherwise from the attribute of `settings` with the same name.
+    """Return an object of the dataclass `of`. A field takes its value from `own` if `own` contains
+    the name of the field, and otherwise from the attribute of `settings` with this name.
     """
     names = [field.name for field in fields(of)]  # type: ignore[arg-type]
     shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}
@@ -144,18 +146,20 @@ def _shape_of(type_: Any) -> str:
 
 @dataclass(frozen=True)
 class Either:
-    """Mark of a union type whose member is chosen by the form of the value. A mistake then gives
-    one message, instead of one message for each member.
+    """Annotation of a union type. The member of the union is chosen by the form of the value: a
+    number, a text, a list or a mapping. A mistake then gives a single message, instead of a message
+    for each member.
 
-    If two members are mappings, the member with the key `key` is chosen for a value that has this
-    key.
+    If two members are mappings, the member that has the key `key` is chosen for a value that has
+    this key.
     """
 
     key: str | None = None
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
-        """Return a schema in which each member of the union has a tag. Pydantic calls a function of
-        this schema to find the tag of a value.
+        """Return a schema in which each member of the union has a tag. For a value, pydantic calls
+        a function of this schema, which returns the tag of the member that fits the form of the
+        value.
         """
         members = get_args(source)
         choices = {self._tag(member): handler.generate_schema(member) for member in members}
@@ -183,7 +187,7 @@ class Either:
 
 @dataclass(frozen=True)
 class ListToo:
-    """Mark of a tuple that may be written as a list."""
+    """Annotation of a tuple that may be written as a list."""
 
     def __get_pydantic_core_schema__(self, source: object, handler: Handler) -> object:
         """Return the schema of a tuple that also accepts a list. The elements are still checked
@@ -197,7 +201,7 @@ Pair = Annotated[tuple[float, float], ListToo()]
 
 @dataclass(frozen=True)
 class Matching:
-    """Mark of a text that must match the regular expression `pattern`."""
+    """Annotation of a text that must match the regular expression `pattern`."""
 
     pattern: str
 
@@ -211,8 +215,8 @@ class Matching:
 
 @dataclass(frozen=True)
 class Checked:
-    """Condition for a stored value. `holds` returns True for a valid value; `words` say what is
-    wrong with an invalid one.
+    """Condition for a stored value. `holds(value)` returns True for a valid value; `words` is the
+    end of the message for an invalid value, for example `is negative`.
     """
 
     words: str
@@ -264,12 +268,13 @@ Label = Annotated[
 
 @dataclass(frozen=True)
 class InUnit:
-    """Mark of a number that may be written with a unit. It is converted to the unit that the
-    function `unit` returns for the place of the number in the spec (`study.fields.Place`). `words`
-    describe this unit to a reader.
+    """Annotation of a number that may be written with a unit. The number is converted to the unit
+    that `unit(place)` returns, where `place` is the place of the number in the spec
+    (`study.fields.Place`). `words` is a text that describes this unit to a reader.
 
-    The number is a value of its quantity, for example a temperature. A width, a tolerance, an error
-    or an offset is a `Difference`: a difference of 1 K equals a difference of 1 degC.
+    The number is a value of a quantity, for example a temperature. A width, a tolerance, an error
+    or an offset is a `Difference` instead: a difference of 1 K equals a difference of 1 degC, but a
+    temperature of 1 K is not a temperature of 1 degC.
     """
 
     unit: Callable[[Any], str | None]
@@ -287,8 +292,8 @@ class InUnit:
         return info.context.converted(value, self.unit, self.is_difference)
 
     def __get_pydantic_json_schema__(self, schema: object, handler: Handler) -> object:
-        """Return the schema of a number, or of a text that starts with a number (or with a
-        variable).
+        """Return the JSON schema of a number that may also be written as a text. The text starts
+        with a number or with a variable such as `${NAME}`.
         """
         written = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]|\$\{"}
         unit = f"{self.words}, as a difference" if self.is_difference else self.words
@@ -297,21 +302,21 @@ class InUnit:
 
 @dataclass(frozen=True)
 class Difference(InUnit):
-    """Mark of a number that is a difference of two values of a quantity. Its conversion uses the
-    factor of the unit, not the offset.
+    """Annotation of a number that is a difference of two values of a quantity. The number is
+    converted with the factor of the unit, without the offset.
     """
 
     is_difference: ClassVar[bool] = True
 
 
 def always_in(unit: str) -> InUnit:
-    """Return the mark of a number that always has the same unit."""
+    """Return the annotation of a number whose unit is always the same."""
     return InUnit(lambda _: unit, unit)
 
 
 def of_sibling(name: str, mark: type[InUnit] = InUnit) -> InUnit:
-    """Return the mark of a number in the unit of a quantity. The key `name` of the same section
-    says which quantity this is.
+    """Return the annotation of a number in the unit of a quantity. The quantity is the value of the
+    key `name`, which stands in the same section as the number.
     """
     return mark(lambda place: place.unit_of(place.siblings.get(name)), f"that of `{name}`")
 

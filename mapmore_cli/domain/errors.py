@@ -1,8 +1,9 @@
-"""Define the errors that end a command, one class for each exit code, and warnings about other
-runs.
+"""Define the errors that end a command, one class for each exit code. Also define warnings about a
+run that the user did not name.
 
-Scripts rely on the codes (docs/messages.md, "Exit codes"). For a `MapmoreError`, the command line
-prints the message and ends with the code. Any other exception is reported as an internal fault.
+Scripts rely on the exit codes (docs/messages.md, "Exit codes"). For a `MapmoreError`, the command
+line prints the message and ends with the code. Any other exception is reported as an internal
+fault.
 """
 
 from __future__ import annotations
@@ -52,12 +53,12 @@ class MapmoreError(Exception):
 
 
 def explained(error: BaseException) -> BaseException:
-    """Return an error whose message says what the user can do, if the cause is a file or folder
-    without read permission, a path that does not exist, or too little memory. Return any other
-    error unchanged.
+    """Return a `MapmoreError` whose message says what the user can do, if `error` is due to a file
+    or folder without read permission, to a path that does not exist, or to too little memory.
+    Return any other error unchanged.
 
-    If Ctrl-C arrives inside a C function, Python may raise a SystemError. Its cause, the
-    interruption, is then returned.
+    If Ctrl-C arrives inside a C function, Python may raise a SystemError that is caused by a
+    KeyboardInterrupt. In this case, return the KeyboardInterrupt.
     """
     if isinstance(error, SystemError) and isinstance(error.__cause__, KeyboardInterrupt):
         return error.__cause__
@@ -118,7 +119,7 @@ class DataError(MapmoreError):
 
 
 class FitError(MapmoreError):
-    """A fit has failed without which the run cannot continue (exit code 5)."""
+    """A fit failed, and the run cannot continue without its result (exit code 5)."""
 
     exit_code = 5
 
@@ -148,9 +149,9 @@ class Stopped(KeyboardInterrupt):
 
 
 class RunWarning(str):
-    """A warning about a run that the user did not ask for, for example a run that the requested run
-    needs. The text consists of the name of the run and the message; `run` and `message` hold these
-    two separately.
+    """A warning about a run that the user did not name, for example a run whose model another run
+    needs. The text consists of the name of the run and the message; the attributes `run` and
+    `message` hold these two separately.
     """
 
     run: str
@@ -158,8 +159,8 @@ class RunWarning(str):
 
     @classmethod
     def of(cls, run: str, message: str) -> RunWarning:
-        """Return the warning of a run. A warning that already names another run is returned
-        unchanged.
+        """Return a warning about the run with the name `run`. If `message` is already a warning
+        about a run, it is returned unchanged.
         """
         if isinstance(message, RunWarning):
             return message

@@ -45,7 +45,7 @@ bounds if nothing better is known.
 
 
 class Fit:
-    """Base class of fits, one for each kind (`modelling.kinds`)."""
+    """Base class of the results of fits. Each kind of model has a subclass (`modelling.kinds`)."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +53,8 @@ class Scaling:
     """Linear scaling of the inputs, `z_j = slope_j x_j + intercept_j`, and of the output, `y =
     y_slope y_scaled + y_intercept` (M2 eq 8).
 
-    `placement` says for each variable at which end of its range the scaled origin lies, for example
-    `left,right`; it is `-` if the scaling rule places no origin.
+    `placement` says at which end of the range of each variable the scaled value is 0, for example
+    `left,right`. It is `-` for scaling rules without this choice.
     """
 
     rule: Annotated[Label, "`unit_square`, `max_abs`, `none` or `range`"]
@@ -70,7 +70,7 @@ class Scaling:
 
 @dataclass(frozen=True)
 class ChosenTerms:
-    """Results of FROLS for only the k chosen terms (M2 eq 2-7), in scaled coordinates."""
+    """Numbers that FROLS computes for the k chosen terms (M2 eq 2-7), in scaled coordinates."""
 
     theta: Annotated[Array, "(k) coefficients of the terms, A theta = g"]
     theta_error: Annotated[Array, "(k) standard errors of theta; NaN without a degree of freedom"]
@@ -135,8 +135,8 @@ class Selection(ChosenTerms):
         )
 
     def predict(self, P: ArrayLike) -> Array:
-        """Return the output of the selection, (n,), at every row of `P`. The columns of `P` are the
-        candidate terms from which the selection chose.
+        """Return the predicted output, (n,), for every row of `P`, (n, M). The columns of `P` are
+        the M candidate terms, in the order in which they were given to FROLS.
         """
         return np.asarray(P, dtype=np.float64)[:, self.chosen] @ self.theta
 
@@ -151,9 +151,10 @@ class Selection(ChosenTerms):
 
     @property
     def freedom(self) -> int:
-        """Degrees of freedom of the standard errors. If residuals are summed by curve, this is the
-        number of curves minus one. Otherwise, it is the number of samples, or the equivalent number
-        of independent samples if that is smaller, minus the number of terms.
+        """Degrees of freedom of the standard errors. If the residuals of each curve were summed,
+        this is the number of curves minus 1. Otherwise, it is the number of samples minus the
+        number of terms. If correlated residuals are equivalent to a smaller number of independent
+        samples, this smaller number is used in place of the number of samples.
         """
         left = self.samples - len(self.theta)
         if self.curves:
@@ -174,7 +175,9 @@ class Selection(ChosenTerms):
         return [dict(zip(keys, row, strict=True)) for row in zip(*columns, strict=True)]
 
     def __repr__(self) -> str:
-        """Return the terms as text, with the share of `y'y` that each term explains."""
+        """Return the sum of the terms as text, the share of `y'y` that each term explains, and the
+        reason why the selection stopped.
+        """
         terms = (
             f"{row['coefficient']:.6g}" + ("" if row["term"] == "1" else f"*{row['term']}")
             for row in self.table()
@@ -186,7 +189,9 @@ class Selection(ChosenTerms):
 
 @dataclass(frozen=True)
 class GridCell:
-    """One cell of the grid of segments into which a training curve is cut."""
+    """A segment of a training curve, and its place in the grid of segments into which the curve is
+    cut.
+    """
 
     id: Annotated[Label, "identifier of the segment, for example `pressure=150/strain:2`"]
     curve: Annotated[Label, "identifier of its curve"]
@@ -195,7 +200,7 @@ class GridCell:
 
 @dataclass(frozen=True)
 class Segment(GridCell):
-    """Rows of a training curve to which one segment function is fitted."""
+    """A segment of a training curve with its rows. One segment function is fitted to these rows."""
 
     rows: Annotated[
         Rows,
@@ -207,7 +212,7 @@ class Segment(GridCell):
 
 @dataclass(frozen=True)
 class CutCurve(CurveRange):
-    """Range of a training curve, and the places at which the curve is cut into segments."""
+    """Training range of a curve, and the boundaries at which the curve is cut into segments."""
 
     boundaries: Annotated[
         tuple[Boundaries, ...],
@@ -218,7 +223,9 @@ class CutCurve(CurveRange):
 
 @dataclass(frozen=True)
 class SegmentedCurve(CutCurve):
-    """A training curve cut into segments; the samples stay in the dataset file."""
+    """A training curve that is cut into segments. The samples themselves are not stored here, but
+    in the dataset file.
+    """
 
     variables: Annotated[tuple[QuantityName, ...], "(p) segmented variables"]
     segments: Annotated[tuple[Segment, ...], "segments of the curve"]
@@ -309,10 +316,10 @@ names of segments.
 
 @dataclass(frozen=True)
 class StateSet:
-    """States with memory, and everything that is needed to compute their values on a new recording.
+    """States with memory, and everything that is needed to compute them for a new recording.
 
-    Widths of `play`, `stop` and `saturate` are fractions of `ranges`. Scaled states are limited to
-    the interval from -`margin` to 1 + `margin`.
+    The widths of `play`, `stop` and `saturate` are fractions of `ranges`. Scaled states are limited
+    to the interval from -`margin` to 1 + `margin`.
     """
 
     names: Annotated[
@@ -352,8 +359,8 @@ class StateSet:
 
     @property
     def longest_step(self) -> float:
-        """Longest time between two samples, in s, over which the memory continues. A longer time
-        counts as a gap.
+        """Longest time between two samples, in s, over which the memory continues. A longer time is
+        treated as a gap.
         """
         return math.inf if self.ordered else self.step
 
@@ -365,10 +372,12 @@ class StateSet:
 
 @dataclass(frozen=True)
 class MemoryModel:
-    """Model with memory, whose output at sample k is `constant + sum_j theta_j D_j(states[k])`.
+    """Model with memory. Its output at sample k is `constant + sum_j theta_j D_j(states[k])`, with
+    terms D_j and coefficients theta_j.
 
-    A free run begins with measured outputs. It has diverged if an output lies outside `limits` by
-    more than a hundred times the distance between these limits.
+    A free run begins with measured outputs and continues with predicted outputs. It has diverged if
+    a predicted output lies outside `limits`, and its distance from them is more than a hundred
+    times the width of the interval `limits`.
     """
 
     output: Annotated[QuantityName, "the quantity whose delays are fed back"]
@@ -388,8 +397,8 @@ class MemoryModel:
 
     @property
     def scaling(self) -> Scaling:
-        """Scaling of the states, in the same form as for a segment. The constant of the model is
-        the intercept of y.
+        """Scaling of the states as a `Scaling`, the form in which segments store it. The constant
+        of the model is the intercept of y.
         """
         states = self.states
         width = states.high - states.low if states.scaled else np.ones(len(states.names))
@@ -409,10 +418,10 @@ class MemoryModel:
 
 @dataclass(frozen=True)
 class Identified:
-    """Parameters of operators that were estimated in training.
+    """Parameters of operators that training estimated.
 
-    If the search for a parameter ended at one of its bounds (`held`), the data do not determine
-    this parameter.
+    If the search for a parameter ended at one of its bounds, `held` is True for this parameter: the
+    data do not determine its value within the bounds.
     """
 
     names: Annotated[tuple[TermName, ...], "(m) names, such as `p of wen(force[k-1])`"]
@@ -433,10 +442,10 @@ class Identified:
 
 @dataclass(frozen=True)
 class MemoryFit(Fit):
-    """A model with memory, and how its k terms were chosen from M candidates.
+    """Fit of a model with memory: the model, and how its k terms were chosen from M candidates.
 
-    If terms were pruned, the ERR in `selection` is that of a selection among the remaining terms,
-    and the tables show NaN for the removed terms.
+    If terms were pruned, `selection` is computed again with the remaining terms only, and so is its
+    ERR. Tables show NaN as the ERR of the terms that were removed.
     """
 
     model: Annotated[MemoryModel, "the model"]
@@ -461,5 +470,7 @@ class MemoryFit(Fit):
 
     @property
     def piece(self) -> SegmentFit:
-        """The fit as if it were a single segment, so that the tables of terms can show it."""
+        """The fit in the form of a fit of one segment, so that the same tables can show its
+        terms.
+        """
         return SegmentFit(PIECE, PIECE, (), self.candidates, self.model.scaling, self.selection)

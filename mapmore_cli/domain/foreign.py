@@ -1,9 +1,9 @@
 """Escape text from users and files, so that it does no harm in terminals, CSV, C, Python, TeX and
 XML.
 
-Every writer of files uses these functions. They escape every character outside a small alphabet,
-instead of looking for dangerous words. No character of the alphabet can end a comment, a string or
-a line.
+Every function that writes such a text to a file uses these functions. They do not look for
+dangerous words. They escape every character outside a small alphabet, in which no character can end
+a comment, a string or a line.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ question marks, number signs, dollars or line ends.
 
 
 def printable(text: str) -> str:
-    r"""Return the text with its control characters escaped, for example `\x1b` for the character
-    with which commands to a terminal begin.
+    r"""Return the text with its control characters escaped. For example, `\x1b` replaces the escape
+    character, with which commands to a terminal begin.
     """
     return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
 
@@ -42,8 +42,8 @@ def is_one_line(text: str) -> bool:
 
 
 def csv_cell(text: str) -> str:
-    """Return the text as a cell of a CSV table, on one line. If a spreadsheet would take the text
-    for a formula, an apostrophe is put before it.
+    """Return the text as a cell of a CSV table, on one line. An apostrophe is put before a text
+    that a spreadsheet would compute as a formula.
     """
     text = _BROKEN.sub(" ", text)
     return f"'{text}" if text.lstrip().startswith(_FORMULA) else text
@@ -62,8 +62,8 @@ def tex_comment(*lines: str) -> list[str]:
 
 
 def xml_text(text: str, kept: str = "") -> str:
-    """Return the text without the characters that XML must not contain, even if they are escaped.
-    Only printable characters and those in `kept` remain.
+    """Return the text without the characters that are not allowed in XML, not even as escape
+    sequences. Only printable characters and the characters in `kept` remain.
     """
     return text.translate(
         {

@@ -1,4 +1,6 @@
-"""Define how segment functions are joined (M2 eq 9-12), for the spec and the stored model."""
+"""Define the rules for joining segment functions (M2 eq 9-12): the keys of the section `fuse` of a
+spec, and the rules that a model stores.
+"""
 
 from __future__ import annotations
 
@@ -18,12 +20,12 @@ Side = Beyond | Number
 
 
 class Transition(NamedTuple):
-    """Course of a weight over a transition zone (M2 figure 5).
+    """Rise of the weight of a segment function from 0 to 1 over a transition zone (M2 figure 5).
 
     - `words`: formula of the weight as text, for example `w = 3*t^2 - 2*t^3`.
-    - `s`: function that returns the weight. Its first argument `m` provides `m.where`, which the
-      function uses instead of `if`. Its second argument t runs from 0 to 1 over the zone. The
-      weight rises from 0 to 1, and `s(t) + s(1 - t) = 1`.
+    - `s`: function that returns the weight. Its second argument t runs from 0 to 1 over the zone,
+      and `s(m, t) + s(m, 1 - t) = 1`. Its first argument `m` is the object with which equations are
+      built; the function uses `m.where` instead of `if`.
     """
 
     words: str
@@ -45,9 +47,9 @@ TRANSITIONS: Mapping[str, Transition] = {
 class Joining(Settings):
     """Rules for joining segment functions, in the spec and in the model (M2 eq 9-11).
 
-    - `transition`: Course of a weight over a transition zone (M2 figure 5). With `linear`, the
-      slope of the output jumps at the ends of the zone; with the other two, it is continuous.
-      Example: `cubic`
+    - `transition`: How the weight of a segment function rises over a transition zone (M2 figure 5).
+      With `linear`, the slope of the output jumps at the ends of the zone; with the other two, it
+      is continuous. Example: `cubic`
     - `z_s`: Distance by which a transition zone reaches into each of two neighbouring segments, as
       a fraction of the width of this segment. A wider zone is smoother, but mixes the functions
       over a larger range. Example: `0.25`
@@ -78,14 +80,15 @@ class Joining(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Fusion(Joining):
-    """Rules for joining the pieces (M2 eq 9-12).
+    """Rules for joining segment functions that a model stores (M2 eq 9-12).
 
     With `hold: samples`, a segment function continues outside the range of its samples by `z_s`
     times the width of this range. Farther outside, it is constant. With `hold: none`, it continues
     without a limit, exactly as in M2 eq 9-11.
 
-    `shrink` is the factor g by which pieces on a backbone are multiplied midway between two levels.
-    At the fraction t of the distance between the levels, the factor is `g + (1 - g)(1 - 2t)^2`.
+    `shrink` is a factor g for pieces that are added to a backbone: midway between two levels, they
+    are multiplied by g. At the fraction t of the distance between the levels, they are multiplied
+    by `g + (1 - g)(1 - 2t)^2`.
     """
 
     extrapolation: Annotated[

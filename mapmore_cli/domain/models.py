@@ -1,5 +1,5 @@
-"""Define a model as data. These are the contents of model.h5, with which a model predicts without
-any recording.
+"""Define models as data. These dataclasses are the contents of model.h5. They contain everything
+that a prediction needs, so that no recording has to be read.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ class CurveFunction(CutCurve):
 
 @dataclass(frozen=True)
 class FoldError:
-    """Cross-validation error of one way to combine backbone and segments.
+    """Cross-validation error of one of the three ways to build a model from a backbone and
+    segments.
 
     `choice` is `backbone`, `backbone + residual` or `backbone + shrunken residual`.
     """
@@ -62,8 +63,8 @@ class FoldError:
 
 
 class Body:
-    """Base class for the part of a model that depends on its kind. `modelling.kinds` defines what
-    each kind can do.
+    """Base class for the part of a model that differs between kinds of models. `modelling.kinds`
+    has a class of operations for each kind.
 
     `models` are the models that a body contains, and `memories` are its parts with memory.
     """
@@ -82,9 +83,11 @@ class Body:
 B = TypeVar("B", bound=Body)
 
 
-@dataclass(frozen=True, eq=False)  # compared by identity, because arrays have no hash
+# two objects are equal only if they are the same object, because arrays have no hash
+@dataclass(frozen=True, eq=False)
 class Pieces(Body):
-    """Model of pieces (MAPMORE), with the output `backbone + sum_i f_i prod_j w_ij` (M2 eq 9).
+    """Model of pieces (MAPMORE). Its output is `backbone + sum_i f_i prod_j w_ij`, with segment
+    functions f_i and weights w_ij (M2 eq 9).
 
     `level` is None if all curves are pooled. Curves have no segments if cross-validation showed
     that segments do not improve the backbone; the model is then the backbone alone.
@@ -106,8 +109,8 @@ class Pieces(Body):
 
     @classmethod
     def of_one(cls, curve: CurveFunction) -> Pieces:
-        """Return a body that consists of a single curve. Its function is evaluated without a limit
-        outside the range of the curve.
+        """Return a body that consists of a single curve, whose segment function is evaluated
+        without a limit also outside the range of the curve.
         """
         names = tuple(curve.limits)
         sides: tuple[Side, Side] = ("continue", "continue")
@@ -122,13 +125,15 @@ class Pieces(Body):
 
     @property
     def segments(self) -> tuple[SegmentFunction, ...]:
-        """Every segment function, curve by curve."""
+        """All segment functions: those of the first curve, then those of the next curve, and so
+        on.
+        """
         return tuple(segment for curve in self.curves for segment in curve.segments)
 
 
 @dataclass(frozen=True)
 class Formula(Body):
-    """A formula of the literature as the whole model."""
+    """A model that consists of a formula of the literature only."""
 
     fit: Annotated[FormulaFit, "the fitted formula"]
     level: Annotated[QuantityName | None, "the input that is constant within a training curve"]
@@ -142,9 +147,10 @@ class Formula(Body):
 
 @dataclass(frozen=True)
 class Memory(Body):
-    """A model with memory, alone or on a backbone.
+    """A model with memory, alone or added to a backbone.
 
-    It needs a recording with its `time`, and the first measured outputs if they are fed back.
+    For a prediction, it needs a recording with its `time`. If the model feeds its output back, it
+    also needs the first measured outputs.
     """
 
     model: Annotated[MemoryModel, "states, terms and coefficients"]
@@ -179,8 +185,8 @@ LeftOutKind = Literal["levels", "recordings", "blocks", "specimens"]
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Errors of predictions of left-out parts of the training data, from which intervals are
-    computed. Each left-out part is predicted by a model that was fitted without this part.
+    """Errors from which prediction intervals are computed. Each part of the training data is left
+    out once, and is predicted by a model that is fitted to the other parts.
 
     If the parts are levels, the lowest and the highest level are not left out.
     """
@@ -225,8 +231,9 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class KeptShape:
-    """Required shape of the output along one input. It comes with the ranges in which the shape
-    changes the coefficients, and with the amount by which a fit without the shape would violate it.
+    """Shape that the output is required to have along one input. `binds` holds the ranges in which
+    this requirement changes the coefficients. `violated` says how much a fit without the
+    requirement would violate the shape.
     """
 
     quantity: Annotated[QuantityName, "the input; for `positive`, the output itself"]
@@ -245,11 +252,11 @@ class KeptShape:
 
 @dataclass(frozen=True)
 class Shape:
-    """Shape that a model keeps over its training range, extended on each side by the fraction
-    `beyond` of this range. The shape is not required at places at which the training output is
+    """Shape that a model keeps over its training range. The range is extended on each side by
+    `beyond` times its width. The shape is not required at places at which the training output is
     small, that is, in the lowest fraction `slack` of its range.
 
-    The errors are root mean square errors of a fit with the shape and of a fit without it.
+    The errors are root mean square errors of two fits: with the shape, and without it.
     """
 
     kept: Annotated[tuple[KeptShape, ...], "required shapes"]
@@ -287,8 +294,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Model:
-    """A model that predicts without any other file. A model consists of fields that are common to
-    all kinds of models, and of a body that depends on the kind.
+    """A model with everything that a prediction needs. It consists of fields that all kinds of
+    models have, and of a `body`, whose type depends on the kind.
     """
 
     name: Annotated[Label, "name of the run"]
@@ -362,9 +369,10 @@ class Equation:
 
     - `id`: id of a segment, or name of a formula.
     - `text`: the equation as one line that can be copied and computed. `latex`, `mathml`: the
-      equation for typesetting; `mathml` consists of parts between which a line may break.
-    - `weight`: range of the inputs in which the weight of the piece is not zero, and the places
-      outside which its output is constant; empty if the piece is used everywhere.
+      equation for typesetting; `mathml` is a sequence of parts, between which a line may break.
+    - `weight`: a text with the range of the inputs in which the weight of the piece is not zero,
+      and with the places outside which its output is constant; empty if the piece is used
+      everywhere.
     """
 
     id: str

@@ -1,12 +1,14 @@
 """Find extensions of `mapmore`: files in one of its own folders, or entry points of other packages.
 
-Files and entry points have the same form. An entry point `NAME = "module"` or `NAME =
-"module:OBJECT"` in the group `mapmore.GROUP` names a module or an object with the same contents as
-one of mapmore's own files. In the group `readers`, this is a `READER`, or several `READERS`. Groups
-are `formulas`, `readers`, `operators`, `families`, `figures`, `exports`, `kinds` and `commands`;
-mapmore's annexes also use `stages` and `python`. Nothing is imported before it is needed. If an
-extension is broken, or has the name of one of mapmore's own, it is left out with a warning. If the
-environment variable MAPMORE_NO_PLUGINS is set, only mapmore's own extensions are used.
+An entry point `NAME = "module"` or `NAME = "module:OBJECT"` in the group `mapmore.GROUP` names a
+module, or an object in a module. The module has the same contents as a file in the folder of
+mapmore for this group. In the group `readers`, for example, it defines a `READER`, or several
+`READERS`. Groups are `formulas`, `readers`, `operators`, `families`, `figures`, `exports`, `kinds`
+and `commands`; mapmore's annexes also use `stages` and `python`.
+
+Nothing is imported before it is needed. An extension that is broken, or that has the name of one of
+mapmore's own extensions, is left out with a warning. If the environment variable MAPMORE_NO_PLUGINS
+is set, only mapmore's own extensions are used.
 """
 
 from __future__ import annotations
@@ -52,13 +54,13 @@ class Added(NamedTuple, Generic[P]):
 def parts(
     group: str, form: type[P], package: str = "", reserved: Collection[str] = ()
 ) -> Iterator[Added[P]]:
-    """Yield every part of a group. Every part has the type `form`. The parts in mapmore's folder
-    `package` come first, in the order of their file names. The parts from entry points follow.
+    """Yield all extensions of a group that have the type `form`. The extensions in mapmore's folder
+    `package` come first, in the order of their file names. The extensions from entry points follow.
 
-    The name of a part is its attribute `name`, or the name of its entry point. If two parts have
-    the same name, the first is used; if both are mapmore's own, a ValueError is raised. A part of a
-    plug-in is left out if its name is `reserved`, because mapmore uses this name for something
-    else, or if its method `checked` raises an error.
+    The name of an extension is its attribute `name`, or the name of its entry point. If two
+    extensions have the same name, the first is used; if both are mapmore's own, a ValueError is
+    raised. An extension of another package is left out if its name is `reserved`, because mapmore
+    uses this name for something else, or if its method `checked` raises an error.
     """
     names = set[str]()
     for module in iter_modules(sys.modules[package].__path__) if package else ():
@@ -79,7 +81,7 @@ def parts(
                     raise ValueError(f"there is already a `{part.name}`")
                 if not isinstance(part.value, form):
                     raise TypeError(f"{type(part.value).__name__} is no {form.__name__}")
-                # only plug-ins are checked here; tests check the parts in mapmore's folder
+                # `checked` is called only for plug-ins; tests check mapmore's own extensions
                 check = getattr(part.value, "checked", None)
                 if check and type(part.value) is form:
                     check()
@@ -108,8 +110,8 @@ def _owner(point: EntryPoint) -> str:
 
 
 def blamed(fault: BaseException) -> str | None:
-    """Return the name of the package whose plug-in raised an exception; None if the exception came
-    from mapmore itself.
+    """Return the name of the package whose plug-in raised an exception. Return None if no function
+    of a plug-in took part.
     """
     packages = {point.module.partition(".")[0] for point in _installed()}
     frames = (frame for frame, _ in walk_tb(fault.__traceback__))
@@ -118,9 +120,9 @@ def blamed(fault: BaseException) -> str | None:
 
 
 def _parts_in(group: str, name: str, source: object) -> Iterator[Added[object]]:
-    """Yield the parts that a module defines under the name of the group, in the singular or the
-    plural, for example `READER` or `READERS`. If an object has no such attribute, the object itself
-    is the part.
+    """Yield the extensions in a module (`source`): the value of its attribute with the name of the
+    group, in the plural or the singular, for example `READERS` or `READER`. If `source` has no such
+    attribute, it is itself the extension.
     """
     many = group.upper()
     single = f"{many[:-3]}Y" if many.endswith("IES") else many[:-1]
@@ -163,14 +165,14 @@ def _installed() -> tuple[EntryPoint, ...]:
             found = [point for point in package.entry_points if point.group.startswith("mapmore.")]
             if not found:
                 continue
-            # this raises an error if an entry point has the wrong form
+            # if an entry point has the wrong form, this line raises an error
             is_ours = True in [_is_ours(point) for point in found]
             # if a package is installed twice, Python imports the first one on `sys.path`
             identity = (_name_of(package), is_ours)
             if identity not in packages and (is_ours or not only_ours):
                 packages.add(identity)
                 points += found
-        # a package may raise any exception, but all other packages must still work
+        # a broken package may raise any exception, but other packages must still work
         except Exception as fault:
             left_out = f"the plug-ins of {_name_of(package)} are left out"
             why = f"its entry_points.txt cannot be read ({type(fault).__name__}: {fault})"
@@ -189,9 +191,9 @@ def _name_of(package: Distribution) -> str:
 
 @cache
 def entry_points(group: str) -> dict[str, EntryPoint]:
-    """Return the entry points of a group by name. If two entry points have the same name, mapmore's
-    own is used; if none is mapmore's own, the one whose module is first in alphabetical order is
-    used. A warning names the entry point that is not used.
+    """Return the entry points of a group by name. If several entry points have the same name,
+    mapmore's own is used; if none of them is mapmore's own, the first in alphabetical order of
+    their modules is used. A warning names each entry point that is not used.
     """
     by_name = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")
@@ -206,8 +208,8 @@ def entry_points(group: str) -> dict[str, EntryPoint]:
 
 
 class _ToStderr(io.RawIOBase):
-    """A binary stream that decodes UTF-8 and writes it to stderr. If a plug-in closes this stream,
-    stderr stays open.
+    """A binary stream that decodes its data from UTF-8 and writes the text to stderr. If a plug-in
+    closes this stream, stderr stays open.
     """
 
     def writable(self) -> bool:
@@ -234,7 +236,7 @@ def printing_to_stderr() -> Iterator[None]:
     includes what C libraries and child processes print.
     """
     sys.stdout.flush()
-    # a plug-in may call `reconfigure` or use `buffer`, which other streams do not have
+    # a text stream with a buffer, because a plug-in may call `reconfigure` or use `buffer`
     raw: Any = _ToStderr()
     stream = io.TextIOWrapper(raw, "utf-8", "backslashreplace", write_through=True)
     with redirect_stdout(stream):
@@ -272,9 +274,9 @@ def load(group: str, name: str) -> Any:
 
 @contextmanager
 def interrupts_of_user() -> Iterator[list[int]]:
-    """Yield a list to which the signal number of each Ctrl-C within the context is appended. Ctrl-C
-    still raises KeyboardInterrupt. If KeyboardInterrupt is raised while the list is empty, it did
-    not come from the user.
+    """Yield a list, to which the signal number is appended when the user presses Ctrl-C within the
+    context. Ctrl-C still raises KeyboardInterrupt. If KeyboardInterrupt is raised and the list is
+    empty, the exception was raised by code, not by the user.
     """
     interrupts, before = list[int](), signal.getsignal(signal.SIGINT)
 
@@ -282,7 +284,7 @@ def interrupts_of_user() -> Iterator[list[int]]:
         interrupts.append(number)
         before(number, frame)  # type: ignore[operator, misc]
 
-    # Python sends Ctrl-C to the main thread only, and only there a handler can be set
+    # Python handles Ctrl-C in the main thread only, and a signal handler can be set only there
     if not callable(before) or current_thread() is not main_thread():
         yield interrupts
         return

@@ -41,7 +41,7 @@ def uncertainty_of(name: str) -> str:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A measured or modelled quantity."""
+    """A measured or modelled quantity: its name and its unit."""
 
     name: Annotated[QuantityName, "its name, such as `force`"]
     unit: Annotated[Label, "its unit, such as `kPa`, `1` or `N`"]
@@ -70,8 +70,8 @@ class Recording:
     """One source file as read, in the units of the model.
 
     `dropped` gives the number of samples that were read but are not in `columns`, for each reason.
-    Without resampling, `rows_read == rows_kept + sum(dropped.values())`. `log` names the log that
-    was cut at gaps.
+    Without resampling, `rows_read == rows_kept + sum(dropped.values())`. If a log was cut at gaps
+    into several recordings, `log` is the id of this log.
     """
 
     id: Annotated[Label, "identifier of the recording"]
@@ -88,8 +88,8 @@ class Recording:
 
     @property
     def name(self) -> str:
-        """Name of the recording in messages: the file name, followed by the id if the id says more,
-        for example the sheet.
+        """Name of the recording in messages: the file name. If the id contains more than the file
+        name, for example the sheet of a workbook, the id follows in brackets.
         """
         by_file = re.fullmatch(
             rf"(.*-)?{re.escape(self.id)}(\.\w+)*", self.source.replace("/", "-")
@@ -122,11 +122,11 @@ class CurveRange:
 
 @dataclass(frozen=True)
 class Curve:
-    """Samples of one level, or of one recording if the study has no levels.
+    """Samples at one level. If the study has no levels, they are the samples of one recording.
 
     Without levels, `level` is None and `id` is the id of the recording. `at_rest` is None for
-    curves without plateaus. `origin` is None if the recordings of the samples are unknown. The
-    samples of one recording are in the order of time.
+    curves without plateaus. `origin` is None if it is unknown which recording each sample belongs
+    to. The samples of one recording are in the order of time.
     """
 
     id: Annotated[Label, "identifier of the curve, for example `pressure=150`"]
@@ -166,8 +166,8 @@ class Curve:
         return ~self.held_out if self.at_rest is None else ~(self.held_out | self.at_rest)
 
     def at(self, rows: IntArray | BoolArray) -> Curve:
-        """Return the curve with only the given rows. Recordings that lose all their rows are
-        dropped.
+        """Return the curve with only the given rows. If a recording has none of these rows, it is
+        also removed from `recordings`.
         """
         origin, recordings = None, self.recordings
         if self.origin is not None:
@@ -184,14 +184,16 @@ class Curve:
         )
 
     def raw(self, target: str) -> Curve:
-        """Return the curve with the target as it was before the effects of groups were removed."""
+        """Return the curve with the target as it was measured, before the gains and offsets of
+        groups were removed from it.
+        """
         if self.raw_target is None:
             return self
         return replace(self, columns={**self.columns, target: self.raw_target}, raw_target=None)
 
     def limits(self, name: str) -> Ends:
-        """Return the smallest and the largest value of a quantity over the training samples. If the
-        training samples are means of branches, the measured samples are included.
+        """Return the smallest and the largest value of a quantity over the training samples. If
+        these samples are means of two branches, the range of the measured samples is included.
         """
         least, largest = extremes(self.columns[name], self.training)
         low, high = self.measured.get(name, (least, largest))
@@ -199,12 +201,14 @@ class Curve:
 
     @property
     def stretches(self) -> tuple[slice | IntArray, ...]:
-        """The samples of each recording: row numbers, or a slice if there is only one recording."""
+        """Row numbers of the samples of each recording. If the recordings of the samples are
+        unknown, the only element is a slice with all rows.
+        """
         return (slice(None),) if self.origin is None else self.logs
 
     def together(self, parts: Sequence[Array]) -> Array:
-        """Return one column of the curve, (n,), from its `parts`. Part i holds the values of the
-        samples of recording i, in the order of `stretches`.
+        """Return one column of the curve, (n,). `parts` holds the values of the samples of each
+        recording, in the order of `stretches`.
         """
         if self.origin is None:
             return parts[0]
@@ -222,7 +226,9 @@ class Curve:
 
 
 def united(ranges: Iterable[Ranges]) -> dict[str, Ends]:
-    """Return, for each quantity, the smallest range that contains all of its ranges."""
+    """Return, for each quantity, the smallest range that contains all its ranges. `ranges` are
+    several mappings from quantities to ranges.
+    """
     whole: dict[str, Ends] = {}
     for limits in ranges:
         for name, (low, high) in limits.items():
@@ -233,8 +239,8 @@ def united(ranges: Iterable[Ranges]) -> dict[str, Ends]:
 
 @dataclass(frozen=True)
 class Grouping:
-    """The groups of samples, and what is removed from the target of each: an offset, a gain or
-    both.
+    """The groups of samples. For each group, an offset, a gain or both are estimated and removed
+    from the target.
     """
 
     target: Annotated[QuantityName, "the quantity from which the effects are removed"]
@@ -266,7 +272,9 @@ class Dataset:
 
     @property
     def raw_curves(self) -> tuple[Curve, ...]:
-        """The curves with the effects of groups in the target, as it was measured."""
+        """The curves with the target as it was measured, before the gains and offsets of groups
+        were removed from it.
+        """
         if self.grouping is None:
             return self.curves
         return tuple(curve.raw(self.grouping.target) for curve in self.curves)
@@ -280,7 +288,9 @@ class Dataset:
 
     @property
     def logs(self) -> Mapping[str, str]:
-        """Mapping from the id of each recording to the id of its log."""
+        """Mapping from the id of each recording to the id of the log from which it was cut, or to
+        its own id if it was not cut.
+        """
         return {recording.id: recording.log or recording.id for recording in self.recordings}
 
     def unit(self, name: str) -> str:
@@ -294,7 +304,7 @@ class Signal:
     direction of motion.
 
     A rate is `factor` times the derivative with respect to the time in seconds. `seconds` is the
-    number of seconds in one unit in which the time is recorded.
+    number of seconds in one unit of the recorded time.
     """
 
     name: Annotated[QuantityName, "name of the input"]

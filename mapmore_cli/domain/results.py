@@ -42,8 +42,8 @@ class Outlier:
 class FitResult:
     """Result of a fit, including every step of the term selection.
 
-    `body` has the type of its kind (`modelling.kinds`). It is fitted to the residual of `backbone`
-    if there is one.
+    `body` is the fit itself; its type depends on the kind of the model (`modelling.kinds`). If
+    there is a `backbone`, the body was fitted to the residual of the backbone.
     """
 
     body: Annotated[Fit | None, "what was fitted; absent if models are only added up"]
@@ -57,8 +57,8 @@ class FitResult:
 
     @property
     def pieces(self) -> tuple[SegmentFit, ...]:
-        """The fits for which terms were chosen: all segments, or the model with memory as a single
-        fit.
+        """The fits in which terms were selected: the fits of all segments, or the fit of a model
+        with memory in the form of a single segment fit.
         """
         return self.segments if self.memory is None else (self.memory.piece,)
 
@@ -89,8 +89,9 @@ class OutputsFit(Fit):
 
 @dataclass(frozen=True)
 class ErrorBand:
-    """Errors on the samples whose measured absolute value lies between `low` and `high`. `rmse`
-    holds the RMSE of each model on these samples; NaN if the model predicts none of them.
+    """Errors of models on the samples whose measured absolute value lies between `low` and `high`.
+    `rmse` holds the RMSE of each model on these samples; it is NaN if the model predicts none of
+    them.
     """
 
     low: Annotated[float, "smallest absolute value", "[target]"]
@@ -108,10 +109,10 @@ RARE = 0.01
 @dataclass(frozen=True)
 class ResidualTest:
     """Result of a test that shows whether the errors contain more than noise. The tested values are
-    correlations of the errors with themselves or with an input at some lags, or means of the errors
-    in parts of the range of an input.
+    of one of these kinds: correlations of the errors with themselves or with an input, at some
+    lags; or means of the errors in parts of the range of an input.
 
-    The correlation of a residual with itself, which is one, is not tested.
+    The correlation of the errors with themselves at lag 0 is always one, and is not tested.
     """
 
     name: Annotated[Label, "`autocorrelation`, or the input"]
@@ -136,9 +137,10 @@ class ResidualTest:
 
     @property
     def fails(self) -> bool:
-        """Return True if more values lie outside their bounds than can be due to noise. If the
-        errors are noise, each value is outside with a probability of 5 %. The test fails if the
-        observed number of values outside, or a larger number, then has a probability below `RARE`.
+        """Return True if more values lie outside their bounds than noise can explain. If the errors
+        are noise, each value lies outside with a probability of 5 %. From this follows the
+        probability that at least as many values lie outside as were observed. The test fails if
+        this probability is below `RARE`.
         """
         n, chance = self.tested, 0.05
         counts = range(self.beyond, n + 1)
@@ -158,9 +160,9 @@ class Validation:
     """Predictions of the run's own model (`mapmore`) and of its competitors, and their scores.
 
     `predictions[model][c]`, (n_c,), has one prediction for each sample of curve number c of the
-    dataset. For a long dataset, `shown` replaces it, with fewer samples. `formulas` and `fits` hold
-    the fits of competitors, and `models` holds their models. Scores, `bands` and `residual_tests`
-    are computed from all samples.
+    dataset. If the dataset is long, it has predictions for the samples of `shown` instead, a
+    dataset with fewer samples. `formulas` and `fits` hold the fits of competitors, and `models`
+    holds their models. Scores, `bands` and `residual_tests` are always computed from all samples.
     """
 
     predictions: Annotated[
@@ -228,36 +230,36 @@ class Validation:
 class SimulatedRun:
     """Predictions of one recording, (n,).
 
-    A prediction is NaN if there are not enough earlier samples. After a free run diverges, all
-    predictions are NaN up to the end of this uninterrupted piece of the recording.
+    A prediction is NaN if there are not enough earlier samples. If a free run diverges, all
+    predictions from there to the next gap, or to the end of the recording, are NaN.
     """
 
     values: Array
-    diverged: tuple[int, ...] = ()  # rows at which a free run diverged
+    diverged: tuple[int, ...] = ()  # rows at which free runs diverged
 
 
 @dataclass(frozen=True)
 class Forecast:
     """Predictions of the samples of a curve, (n,) each."""
 
-    # predictions; those of a model with memory are from a free run
-    # NaN if there are too few earlier samples, or after the free run diverged
+    # Predictions. A model with memory predicts in a free run.
+    # A prediction is NaN if there are too few earlier samples, or after the free run diverged.
     values: Array
-    # True for samples with enough earlier samples for a prediction
-    # If such a sample has the prediction NaN, the free run has diverged.
+    # True for samples with enough earlier samples for a prediction.
+    # If a sample has the prediction NaN although `ready` is True, the free run has diverged.
     ready: BoolArray
     one_step: Array | None = (
         None  # one-step-ahead prediction of every sample; None for a model without memory
     )
     half: Array | None = (
-        # half the width of the prediction interval, NaN for a sample without one
-        # None for a model without intervals
+        # half the width of the prediction interval; NaN for a sample without an interval
+        # None for a model without prediction intervals
         None
     )
 
     @classmethod
     def of(cls, values: Array) -> Forecast:
-        """Return the forecast of a model without memory, in which NaN means that there is no
+        """Return the forecast of a model without memory. A value is NaN if there is no
         prediction.
         """
         return cls(values, np.broadcast_to(np.True_, len(values)))
@@ -273,19 +275,20 @@ class Forecast:
 
 @dataclass(frozen=True)
 class Tried:
-    """A structure that was tried in a search."""
+    """A model structure that a search has tried, with its errors."""
 
     family: str  # kind of the structure
     words: str  # name of the structure
     sections: Mapping[str, Any]  # sections of the spec that define the structure, by name
-    parameters: int = 0  # number of free parameters of the model, fitted to all training data
+    # number of free parameters of the model that is fitted to all training data
+    parameters: int = 0
     errors: tuple[
         float, ...
         # RMSE on each left-out fold, divided by `Search.scale`; empty if a fit failed
     ] = ()
-    # root mean square of `errors` on the folds that leave out stretches; NaN without such folds
+    # root mean square of `errors` on folds that leave out stretches of curves; NaN without them
     error: float = math.nan
-    # root mean square of `errors` on the folds that leave out whole parts; NaN without such folds
+    # root mean square of `errors` on folds that leave out levels or recordings; NaN without them
     parts: float = math.nan
     # mean over all folds of log(error / error of the best structure)
     excess: float = math.nan
@@ -304,13 +307,13 @@ class Search:
     target: str
     left_out: str  # data that each fold leaves out to compute `Tried.error`
     parts: str  # data that each fold leaves out to compute `Tried.parts`
-    scale: float  # divisor of errors, in the unit of the target
+    scale: float  # number by which errors are divided, in the unit of the target
     tried: tuple[Tried, ...]
     best: int  # index of the structure with the smallest error
     chosen: int  # index of the chosen structure
     rule: str = ""  # rule by which the structure was chosen
     cut: int = 0  # number of structures that were not tried because of the time limit
-    # index of the choice before structures with more terms were tried; None if none were tried
+    # `chosen` before structures with more terms were tried; None if none of them were tried
     short: int | None = None
     notes: tuple[str, ...] = ()  # notes for the user
     outdone: str = ""  # message if a black box has a clearly smaller error; otherwise ""

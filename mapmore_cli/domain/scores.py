@@ -25,15 +25,17 @@ no model can be expected to have a smaller error.
 
 @dataclass(frozen=True)
 class Measure:
-    """Rule for computing and showing a number of a score row.
+    """Rule for computing one number of a score row, and for showing it.
 
-    - `of`: function of the samples of the row.
-    - `heading`: heading of the column on pages; `UNIT` stands for the unit of the target. If the
-      heading contains `[%]`, the number is shown in per cent. If it is empty, there is no column.
+    - `of`: function that computes the number from the samples of the row.
+    - `heading`: heading of the column on pages; `UNIT` is replaced by the unit of the target. If
+      the heading contains `[%]`, the number is shown in per cent. If the heading is empty, pages do
+      not show the number.
     - `shown`: function that returns True if a row has a value for this column.
     - `at_least`: True if larger values are better, so that a limit in `validate.require` is a lower
       limit.
-    - `column`: column of the `SampleBlock` without which the number is NaN.
+    - `column`: column of the `SampleBlock` from which the number is computed; if it is unknown, the
+      number is NaN.
     """
 
     of: Callable[[Compared], float]
@@ -194,15 +196,15 @@ class Score:
 
     @property
     def far(self) -> bool:
-        """Return True if the normaliser is large mainly because the target lies far from zero, so
-        that the NRMSE is misleadingly small.
+        """Return True if the NRMSE is misleadingly small: the target lies far from zero, so that
+        the normaliser is much larger than the range of the target.
         """
         return self.nrmse_range > FAR_FROM_ZERO * self.nrmse
 
     @property
     def runs_free(self) -> bool:
-        """Return True if the model feeds its own output back. The one-step-ahead error of such a
-        model differs from the error of its free run.
+        """Return True if the model feeds its own output back, so that the error of its free run
+        differs from its one-step-ahead error.
         """
         return math.isfinite(self.rrse_one_step) and self.rrse_one_step != self.rrse
 
@@ -226,7 +228,7 @@ OF_TARGET = frozenset(name for name, marks in _NUMBERS.items() if "[target]" in 
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit in `validate.require`, and the value that the run's own model reaches."""
+    """A limit in `validate.require`, with the value that the run's own model has reached."""
 
     metric: str
     model: str
@@ -236,7 +238,7 @@ class Limit:
 
     @property
     def kept(self) -> bool:
-        """Return True if the value keeps the limit. NaN never keeps a limit."""
+        """Return True if the value fulfils the limit. NaN never fulfils a limit."""
         return (
             self.value >= self.limit if MEASURES[self.metric].at_least else self.value <= self.limit
         )
@@ -260,7 +262,7 @@ class Published:
     nrmse: Mapping[str, float] = field(default_factory=dict)  # fractions
     # RMSE of each model, in the unit of the target
     rmse: Mapping[str, float] = field(default_factory=dict)
-    # lower bound of the RMSE of each model for which the publication gives only a bound
+    # lower bound of the RMSE, for each model for which the publication gives no exact value
     rmse_at_least: Mapping[str, float] = field(default_factory=dict)
 
     def shown_rmse(self, model: str) -> float | str | None:
@@ -275,8 +277,8 @@ class Published:
 @dataclass(frozen=True)
 class ScoreTable:
     """Numerical results of a validation: the rows of the score table, the unit of every target, the
-    models whose fit failed, the warnings that must stand before the scores, and the findings of the
-    residual tests for each target.
+    models whose fit failed, the warnings that a page shows before the scores, and the failed
+    residual tests of each target.
     """
 
     scores: tuple[Score, ...]

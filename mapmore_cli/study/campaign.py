@@ -43,18 +43,18 @@ class Variant(Section):
 
 
 class Campaign(Section):
-    """The runs of a campaign, in the order of its tables."""
+    """A campaign: its runs, in the order in which its tables show them."""
 
     schema_version: Literal[1] = 1
     campaign: Name
     title: str | None = None
     base: SpecPath | None = None
     runs: Annotated[list[Variant], Field(min_length=1)]
-    # name of the model by whose errors the errors of all other models are divided
+    # name of a model; the errors of all other models are divided by the errors of this model
     relative_to: str | None = None
     best_of: list[
         str
-        # in each run, only the best of these formulas is shown, as one competitor
+        # in each run, only the formula with the smallest error is shown, as a single competitor
         # The best formula is chosen by the scores that are shown, so its score is optimistic.
     ] = []
 
@@ -71,11 +71,12 @@ class Campaign(Section):
 
 @dataclass(frozen=True)
 class Entry:
-    """A spec to run, with overrides as on the command line; `campaign` is the file that lists it,
-    or None.
+    """A spec to run, with overrides as on the command line. `campaign` is the campaign file that
+    lists the spec, or None.
 
-    `called` is the name of the run, or the name of its spec if the run has none. If several runs of
-    the campaign have this name, `called` is the path of the spec instead.
+    `called` is the name of the run. A run without a name is called by the file name of its spec,
+    without the ending. If several runs of the campaign have this name, `called` is the path of the
+    spec instead.
     """
 
     config: Path
@@ -92,7 +93,7 @@ def is_campaign(path: Path) -> bool:
     try:
         lines = read_source(path).text.splitlines()
     except SpecError:
-        return False  # the function that loads the file reports why it cannot be read
+        return False  # the file is loaded later, and the loader then reports why it cannot be read
     return any(line.startswith("campaign:") for line in lines)
 
 
@@ -113,7 +114,7 @@ def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:
 
 @dataclass(frozen=True)
 class Expanded:
-    """A campaign, and the numbers of its runs in the list of all jobs."""
+    """A campaign, and the indices of its runs in the list of all runs."""
 
     campaign: Campaign
     jobs: tuple[int, ...]
@@ -122,9 +123,9 @@ class Expanded:
 def expanded(
     configs: Sequence[Path], overrides: Sequence[str]
 ) -> tuple[list[Expanded], list[Entry]]:
-    """Return every campaign among the files, and the list of all runs. A file that is no campaign
-    is the spec of one run. `overrides` are applied to every run, after the settings of its
-    campaign.
+    """Return every campaign among the files, and the list of the runs of all files. A file that is
+    not a campaign is the spec of a single run. `overrides` are applied to every run, after the
+    settings of its campaign.
     """
     campaigns: list[Expanded] = []
     entries: list[Entry] = []

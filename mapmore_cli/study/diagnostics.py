@@ -55,8 +55,8 @@ class Finding:
 
 
 def locate(finding: Finding, root: Node) -> Mistake:
-    """Return the finding with its place in a file. If the sources do not hold the value, the place
-    of its nearest ancestor is returned.
+    """Return the mistake with its place in a file. If the value is not in a file, the place is that
+    of the nearest section around it.
     """
     node = nearest(root, finding.loc)
     on_key = (
@@ -67,7 +67,7 @@ def locate(finding: Finding, root: Node) -> Mistake:
     at = node.start if on_key else node.at
     if finding.offset and isinstance(node.value, str):
         written = _source_line(at)[at.column - 1 :]
-        # nothing matches if the source spells the text differently, for example with escapes
+        # no `quote` fits if the source spells the text in another way, for example with escapes
         for quote in ("", '"', "'"):
             if written.startswith(quote + node.value):
                 at = replace(at, column=at.column + len(quote) + finding.offset)
@@ -76,11 +76,11 @@ def locate(finding: Finding, root: Node) -> Mistake:
 
 
 def applying(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterator[Finding]:
-    """Yield a finding for each row whose condition is true. A row holds the condition, the path,
-    the description of the mistake, and the correction.
+    """Yield a finding for each row whose condition is True. A row consists of the condition, the
+    path, the description of the mistake, and the correction.
 
-    The texts are templates: `{name}` is replaced by the keyword argument `name`, and `{{` is a
-    brace.
+    The path and the two texts are templates: `{name}` is replaced by the keyword argument `name`,
+    and `{{` is a brace.
     """
     for applies, way, *texts in rows:
         if applies:
@@ -92,7 +92,9 @@ def applying(*rows: tuple[bool, Loc | str, str, str], **known: object) -> Iterat
 def refused(
     way: Loc | str, attempt: Callable[..., object], *arguments: object
 ) -> Iterator[Finding]:
-    """Call `attempt` and yield its error message as a finding at the path `way`."""
+    """Call `attempt` with the arguments. If it raises a MapmoreError, yield a finding with this
+    message at the path `way`.
+    """
     try:
         attempt(*arguments)
     except MapmoreError as error:
@@ -100,8 +102,8 @@ def refused(
 
 
 def did_you_mean(word: str, known: Iterable[str], otherwise: str = "known are") -> str | None:
-    """Return `did you mean ...?` for a near miss, and otherwise the list of known names; None if
-    the list is empty.
+    """Return `did you mean ...?` if a known name resembles the word, and otherwise a text that
+    lists the known names. Return None if there are no known names.
     """
     words = list(dict.fromkeys(known))
     lower = {candidate.casefold(): candidate for candidate in words}
@@ -145,8 +147,8 @@ def _mistake_text(problem: Mistake) -> str:
 
 
 def _source_line(at: Position) -> str:
-    """Return the line of the source at a position. Lines are cut as YAML counts them, which differs
-    from `str.splitlines`.
+    """Return the line of the source at a position. The text is cut into lines at the same
+    characters as in YAML; `str.splitlines` also cuts at other characters.
     """
     lines = re.split("\r\n|[\r\n\x85\u2028\u2029]", at.source.text)
     return lines[at.line - 1] if at.line <= len(lines) else ""
@@ -196,8 +198,9 @@ KeysAt = Callable[[Loc], Sequence[str]]
 
 
 def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake]:
-    """Return one mistake for each fault that pydantic found in the tree. A required key that is
-    missing because it is misspelt is one mistake, not two.
+    """Return one mistake for each fault that pydantic found in the tree. If a required key is
+    misspelt, pydantic finds two faults: an unknown key and a missing key. Only the first is
+    returned.
     """
     errors = error.errors(include_url=False)[:MOST_ERRORS]
     unknown = [_split(details["loc"], root)[0] for details in errors if details["type"] in _UNKNOWN]
@@ -213,11 +216,12 @@ def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake
 
 
 def lost(error: ValidationError, root: Node, keys_at: KeysAt) -> Iterator[tuple[Loc, Loc | None]]:
-    """Yield two paths for each value or section that pydantic rejected: its own path, and the path
-    of the key that is missing if the rejected value is removed.
+    """Yield two paths for each value or section that pydantic rejected. The first is its own path,
+    at which it can be removed. The second is the path of the key that the spec lacks if it is
+    removed.
 
-    For an unknown key, the second path is that of the missing key that it resembles, or None if
-    there is no such key. For everything else, both paths are equal.
+    Usually, both paths are equal. An unknown key, however, may be a misspelt one: its second path
+    is that of a similar key that the section lacks, or None if there is no such key.
     """
     for details in error.errors(include_url=False):
         loc, _ = _split(details["loc"], root)
@@ -236,7 +240,7 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
     loc, rest = _split(details["loc"], root)
     node = nearest(root, loc)
     name = f"`{_dotted(loc)}`" if loc else "the spec"
-    # The key was taken for a quantity, but its value shows that a similar key was meant.
+    # The unknown key was read as the name of a quantity, but a similar known key was meant.
     for depth, key in enumerate(loc, start=1):
         known = keys_at(loc[: depth - 1])
         near = () if key in known else get_close_matches(str(key), known, n=1, cutoff=0.75)
@@ -261,7 +265,7 @@ def _problem(details: ErrorDetails, root: Node, keys_at: KeysAt) -> Mistake:
             return Mistake(
                 node.start, message, "use letters, digits and `_`, for example `step_pressure`"
             )
-    # a number with a unit is shown after its conversion
+    # the message shows a number with a unit as converted to the unit of the model
     value = details["input"] if isinstance(details["input"], float) else node.value
     return Mistake(node.at, *_of_value(details, value, name))
 
@@ -293,8 +297,8 @@ def _of_value(details: ErrorDetails, value: object, name: str) -> Explained:
 
 
 def _split(loc: Loc, root: Node) -> tuple[tuple[str | int, ...], tuple[str | int, ...]]:
-    """Return the part of pydantic's path that exists in the tree, and the rest: tags of unions, and
-    the key that is missing.
+    """Return pydantic's path in two parts: the steps that exist in the tree, and the other steps.
+    The other steps are tags of unions, and the key that is missing.
     """
     node = root
     held: list[str | int] = []

@@ -101,9 +101,9 @@ def _pooled(value: Mapping[str, Any]) -> bool:
 
 
 def _sized_by_data(fit: dict[str, Any]) -> None:
-    """Let the data choose the number of terms if the model has no segments and the spec does not
-    set the number. One term is enough for a segment, but for all data together, the single term
-    would often be the constant.
+    """Change the section `fit` of a model without segments, so that the data choose the number of
+    terms, unless the spec sets this number. One term is enough for a segment, but for all data
+    together, the single term would often be the constant.
     """
     if "max_terms" not in fit:
         fit["max_terms"] = TERMS_OF_ONE_MODEL
@@ -193,10 +193,10 @@ class ExperimentSpec(Section):
             return value
         memory = _given_memory(dictionary, info)
         if memory:
-            # states are not scaled, so that numbers of samples and widths stay in physical units
+            # without scaling, terms with memory contain the quantities in physical units
             fit.setdefault("scaling", "none")
         elif dictionary and target == "damping":
-            # products of powers remain products only if the origin is not shifted
+            # a shift of the origin would turn a product of powers into a sum of terms
             fit.setdefault("scaling", "max_abs")
         if memory or (dictionary and _pooled(value)):
             _sized_by_data(fit)
@@ -211,8 +211,8 @@ class ExperimentSpec(Section):
 
     @property
     def target_quantity(self) -> str:
-        """Measured quantity from which the target is computed: the modelled column, or `force` if
-        the target is the force or a part of it.
+        """Measured quantity from which the target is computed. It is `force` if the target is the
+        force or a part of the force, and otherwise the column that is modelled.
         """
         return self.target.column if isinstance(self.target, TargetColumn) else "force"
 
@@ -228,14 +228,16 @@ class ExperimentSpec(Section):
 
     @property
     def each(self) -> tuple[ExperimentSpec, ...]:
-        """The study of each single target; with one target, the study itself."""
+        """The spec of a study of each single target. With only one target, this is the spec
+        itself.
+        """
         alone = [{"target": TargetColumn(column=name)} for name in self.targets if self.also]
         return tuple(self.model_copy(update=update) for update in alone) or (self,)
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Names of all quantities of the study: the quantities of its data, and `direction` if
-        segments are separated by it.
+        """Names of all quantities of the study: the quantities of its data, and `direction` if a
+        segment boundary separates the directions of motion.
         """
         cut = [name for name, how in self.segment.items() if isinstance(how, CutByDirection)]
         return tuple(dict.fromkeys((*self.data.quantities, *cut)))
@@ -247,13 +249,16 @@ class ExperimentSpec(Section):
 
     @property
     def runs_over_time(self) -> bool:
-        """Return True if the run's own model runs along recordings."""
+        """Return True if the run's own model predicts the samples of a recording one after the
+        other, in the order of time.
+        """
         return self.has_memory or self.model.over_time
 
     @model_validator(mode="after")
     def _structured(self, info: ValidationInfo) -> ExperimentSpec:
-        """Require a dictionary or a formula, unless the structure is found by a search; in that
-        case, refuse both.
+        """Check that a spec has a dictionary or a formula. If a search chooses the structure
+        (`model: {type: auto}`), check instead that the spec has no section that is a part of the
+        structure.
         """
         parts = [
             name

@@ -1,5 +1,5 @@
-"""Define the building blocks of the spec's models: the strict base class, numbers with units,
-paths, and the information that a validator has about the rest of the spec.
+"""Define what the sections of a spec have in common: their strict base class, numbers with units,
+paths, and the information about the whole spec that validators of its parts use.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ TargetKind = Literal["static", "hysteresis", "damping", "dynamic"]
 
 
 def as_target(value: object) -> object:
-    """Return a target in the form that the spec stores: a text that is no kind of target names a
-    column, and a list holds several columns.
+    """Return a target in the form in which a spec stores it. A text that is not a kind of target is
+    the name of a column, and a list contains the names of several columns.
     """
     if isinstance(value, list) and value:
         return {"column": value[0], "also": value[1:]} if value[1:] else as_target(value[0])
@@ -58,7 +58,9 @@ keys at which the mistake is shown.
 
 
 class Section(BaseModel):
-    """Base class of every part of a spec: strict, without unknown keys, and immutable."""
+    """Base class of the sections of a spec. Types are checked strictly, unknown keys are refused,
+    and values cannot be changed afterwards.
+    """
 
     model_config = ConfigDict(
         extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True
@@ -67,8 +69,8 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _noted(cls, value: object, info: ValidationInfo) -> object:
-        """Report to the loader which keys this mapping may have, for messages about unknown
-        keys.
+        """Report to the loader which keys this mapping may have. The loader lists them in messages
+        about unknown keys.
         """
         if isinstance(info.context, Context) and isinstance(value, dict):
             keys = [field.alias or name for name, field in cls.model_fields.items()]
@@ -76,8 +78,8 @@ class Section(BaseModel):
         return value
 
     def _contradictions(self) -> Sequence[Row]:
-        """Return the possible contradictions within the section. The first that applies is
-        shown.
+        """Return the contradictions that are possible within the section, each with a condition.
+        The message shows the first contradiction whose condition is True.
         """
         return ()
 
@@ -94,25 +96,26 @@ class Section(BaseModel):
 
 @dataclass(frozen=True)
 class Context:
-    """Validators' information about the spec: its folder, its units, and its quantities.
+    """Information about a whole spec, for validators of its parts: its folder, its units, and its
+    quantities.
 
-    With `partial`, faulty parts were removed from the spec before validation, so that required keys
-    may be missing.
+    If `partial` is True, faulty parts were removed from the spec before validation, so that
+    required keys may be missing.
     """
 
     folder: Path
-    # units that the spec gives, by quantity
+    # units in the section `units` of the spec, by quantity
     units: Mapping[str, str] = field(default_factory=dict)
     quantities: frozenset[str] = frozenset(CANONICAL)
     target: str = "force"  # the quantity that is modelled
     level: str | None = None  # the quantity that is constant within a curve
     partial: bool = False
     known: dict[int, tuple[Mapping[str, Any], list[str]]] = field(default_factory=dict)
-    paths: set[int] = field(default_factory=set)  # `id` of each node whose text is a path
+    paths: set[int] = field(default_factory=set)  # `id(node)` of each node that is a path
 
     @classmethod
     def of(cls, root: Node, partial: bool = False) -> Context:
-        """Return the units and quantities of a spec. Parts of the spec that are malformed are
+        """Read the units and quantities of a spec. Parts of the spec that are malformed are
         ignored.
         """
         spec = written(root)
@@ -135,12 +138,12 @@ class Context:
         )
 
     def note(self, value: Mapping[str, Any], keys: Iterable[str]) -> None:
-        """Remember which keys a section knows, for messages about unknown keys."""
+        """Store the keys that a section may have, for messages about unknown keys."""
         self.known.setdefault(id(value), (value, []))[1].extend(keys)
 
     def keys_at(self, value: Any, loc: Loc) -> tuple[str, ...]:
-        """Return the keys that may stand in this part of the input, according to all sections that
-        read it.
+        """Return the keys that the mapping at the path `loc` may have. If several sections were
+        tried for this mapping, the keys of all of them are returned.
         """
         for step in loc:
             value = value[step]
@@ -149,11 +152,12 @@ class Context:
     def converted(
         self, value: object, unit_of: Callable[[Place], str | None], difference: bool
     ) -> object:
-        """Return the number that a text with a unit stands for, as a value or as a `difference` of
-        two values. Anything else is returned unchanged.
+        """Convert a text with a unit to a number, as a value or as a `difference` of two values.
+        Anything else is returned unchanged.
 
-        Raises Contradiction for a wrong unit. If the unit at this place is unknown, another key is
-        faulty, and the fault is reported at that key.
+        Raises Contradiction for a wrong unit. If the unit to convert to is unknown, because another
+        key is faulty, the number is returned without conversion; the fault is reported at the other
+        key.
         """
         if not isinstance(value, Written) or not value.is_quantity:
             return value
@@ -168,7 +172,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Place:
-    """Place of a number in the spec, on which the unit of the number can depend."""
+    """Place of a number in the spec. The unit of the number can depend on this place."""
 
     context: Context
     text: Written
@@ -180,13 +184,13 @@ class Place:
 
     @property
     def key(self) -> str:
-        """Name of the key of the spec whose value is, or contains, the number."""
+        """Name of the key whose value is the number, or a list that contains the number."""
         return next(str(step) for step in reversed(self.text.way) if isinstance(step, str))
 
     @property
     def quantity(self) -> str | None:
-        """Name of the innermost key around the number that is a quantity, for example `pressure` in
-        `set: {pressure: 2 bar}`; None if there is none.
+        """Name of the quantity that the number belongs to: the nearest key above the number that is
+        a quantity, for example `pressure` in `set: {pressure: 2 bar}`; None if there is none.
         """
         for step in map(str, reversed(self.text.way)):
             base = step.removesuffix("_rate").removeprefix("step_")
@@ -195,7 +199,7 @@ class Place:
         return None
 
     def unit_of(self, quantity: object) -> str | None:
-        """Return the model's unit of a quantity; None if the spec does not name the quantity."""
+        """Return the unit of a quantity in the model; None if `quantity` is not a text."""
         return default_unit(quantity, self.context.units) if isinstance(quantity, str) else None
 
 
@@ -209,8 +213,8 @@ def _column_unit(place: Place) -> str | None:
 
 
 def _metric_unit(place: Place) -> str | None:
-    """Return the unit of the metric that is the key above the number. If a metric has one limit for
-    each target, the unit depends on the target of this limit.
+    """Return the unit of a limit in `validate.require`: the unit of the metric. If a metric has a
+    limit for each target, the unit can differ between the targets.
     """
     if place.key in OF_TARGET:
         return place.unit_of(place.context.target)
@@ -225,8 +229,9 @@ Share = Annotated[float, always_in("1")]
 
 
 def _share_of_value(value: object, info: ValidationInfo) -> object:
-    """Keep a text such as `2 %` unchanged, because it is a share of the measured value. If the
-    quantity itself is measured in per cent, the text is an ordinary number with a unit.
+    """Leave a text such as `2 %` unconverted, because it is a share of the measured value. If the
+    quantity is a plain number or is itself measured in per cent, the text is an ordinary number
+    with a unit.
     """
     if not isinstance(value, Written) or not isinstance(info.context, Context):
         return value
@@ -276,7 +281,7 @@ def possible_path(path: str) -> str:
 
 
 def read_path(value: object, info: ValidationInfo, bare: bool) -> object:
-    """Return a path with its variables expanded, relative to the folder of the spec."""
+    """Expand the variables in a path, and return the path relative to the folder of the spec."""
     if not isinstance(value, Written) or not isinstance(info.context, Context):
         return value
     info.context.paths.add(id(value.node))
@@ -288,7 +293,9 @@ def read_path(value: object, info: ValidationInfo, bare: bool) -> object:
 
 
 def moved_path(path: str, info: SerializationInfo, bare: bool) -> str:
-    """Return a path rewritten for a spec in another folder, if the context names both folders."""
+    """Rewrite a path for a spec in another folder. If the context does not name both folders, the
+    path is returned unchanged.
+    """
     if info.context is None:
         return path
     written_in, folder = info.context
@@ -296,8 +303,8 @@ def moved_path(path: str, info: SerializationInfo, bare: bool) -> str:
 
 
 def from_folder(path: str, written_in: Path, folder: Path, bare: bool = False) -> str:
-    """Return a path that starts at the folder `written_in` as a path that starts at `folder`. With
-    `bare`, names without a folder stay unchanged.
+    """Rewrite a path that is relative to the folder `written_in`, so that it is relative to
+    `folder`. If `bare` is True, a name without a folder stays unchanged.
     """
     if written_in == folder or Path(path).is_absolute() or (bare and "/" not in path):
         return path

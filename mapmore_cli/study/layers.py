@@ -1,5 +1,5 @@
-"""Merge the layers of a spec: the file that it `extends`, the file itself, and each `--set
-key.path=value`. Also add the contents of the files of formulas, and the units of columns.
+"""Merge the layers of a spec: the file that it extends, the file itself, and each `--set
+key.path=value`. Also read the files in `formulas`, and add the units of columns to `units`.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ DEEPEST = 20
 def extended(
     source: SourceText, path: Path, problems: list[Mistake], heirs: tuple[Path, ...] = ()
 ) -> Node:
-    """Return the tree of a text with everything that it inherits. `path` is the text's own file,
-    and `heirs` are the files that extend it.
+    """Return the tree of a spec file, merged with the files that it extends. `path` is the path of
+    the file. `heirs` are the files that extend it, directly or through other files.
     """
     root = parse(source, problems)
     if root.value is None:
@@ -87,8 +87,8 @@ def _file_at(node: Node, spelt: Callable[[str], str], folder: Path, remedy: str)
 
 
 def with_formulas(root: Node, problems: list[Mistake]) -> Node:
-    """Return the tree in which each path in `formulas` is replaced by the contents of its file.
-    Instead of a list, `formulas` may be a single formula.
+    """Return the tree in which each path in `formulas` is replaced by the contents of its file. The
+    value of `formulas` may also be a single path or formula instead of a list.
     """
     listed = root.child("formulas")
     if listed is None:
@@ -106,10 +106,11 @@ def with_formulas(root: Node, problems: list[Mistake]) -> Node:
 
 
 def with_units(root: Node) -> Node:
-    """Return the tree with an entry in `units` for every column whose quantity has no default unit:
-    such a quantity keeps the unit of its column.
+    """Return the tree with further entries in `units`. If a quantity has no default unit and no
+    entry in `units`, its unit is the unit of its column.
 
-    A unit of per cent becomes a plain number, unless `units` names the quantity.
+    This does not apply to a column in per cent: the values of its quantity are fractions, without a
+    unit.
     """
     units = root.child("units") or Node({}, root.at)
     if not isinstance(units.value, dict):
@@ -128,8 +129,8 @@ def with_units(root: Node) -> Node:
 
 
 def with_overrides(root: Node, overrides: Sequence[str], problems: list[Mistake]) -> Node:
-    """Return the tree with each `key.path=value` applied in order. Numbers in a path count list
-    items from 0, and `null` removes a key.
+    """Return the tree after each override `key.path=value` was applied, one after the other. A
+    number in the path is the index of a list item, from 0. The value `null` removes the key.
     """
     for override in overrides:
         path, equals, text = override.partition("=")
@@ -145,8 +146,8 @@ def with_overrides(root: Node, overrides: Sequence[str], problems: list[Mistake]
 
 
 def _set(node: Node, steps: Sequence[str], value: Node) -> Node:
-    """Return the tree with `value` at the end of the path `steps`. Missing mappings on the way are
-    created.
+    """Return the tree in which the value at the path `steps` is replaced. If a mapping on this path
+    does not exist, it is created.
     """
     if not steps:
         return replace(value, key_at=value.at)

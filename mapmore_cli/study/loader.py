@@ -1,4 +1,6 @@
-"""Load a YAML file as a validated spec in which every value knows its place in the file."""
+"""Load a YAML file as a validated spec. Every value of the spec knows at which line and column of
+the file it is written.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ from mapmore_cli.study.yaml_loader import read_source
 
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Yield every mistake of an experiment whose form is valid."""
+    """Yield every mistake that shows only if several settings are compared, in an experiment whose
+    values are valid one by one.
+    """
     mistakes = list[Finding]()
     for each in spec.each:
         for check in checks.OF_EACH_TARGET:
@@ -66,12 +70,13 @@ Check = Callable[[M], Iterable[Finding]]
 
 @dataclass(frozen=True)
 class Loaded(Generic[M]):
-    """A valid spec, with its place and the settings that were applied."""
+    """A valid spec, with the path of its file and the settings that were applied to it."""
 
-    spec: M  # contents of the file with defaults; numbers are in the units of the model
+    spec: M  # contents of the file, and defaults; all numbers are in the units of the model
     path: Path
     folder: Path  # folder at which relative paths of the spec start
-    overrides: tuple[str, ...]  # settings that were applied on top of the file
+    # settings that replace values of the file, for example `fit.max_terms=2`
+    overrides: tuple[str, ...]
     _root: Node = field(repr=False, compare=False)
     tables: Mapping[str, RawTable] = field(default_factory=dict, repr=False, compare=False)
 
@@ -82,14 +87,15 @@ class Loaded(Generic[M]):
 
     @cached_property
     def resolved(self) -> str:
-        """YAML with all defaults, in which `extends`, variables and units are resolved. Loading
-        this YAML gives an equal spec.
+        """The spec as YAML with all defaults. Inherited keys are included, variables are replaced
+        by their values, and numbers are in the units of the model. If this YAML is loaded, the
+        result equals this spec.
         """
         return self._text()
 
     def _text(self, given_only: bool = False, moved: tuple[Path, Path] | None = None) -> str:
-        """Return the spec as YAML. With `moved`, a pair of folders, paths that start at the first
-        folder are rewritten to start at the second.
+        """Return the spec as YAML. If `moved` is given, a pair of folders, each path that is
+        relative to the first folder is rewritten to be relative to the second.
         """
         document = self.spec.model_dump(
             mode="json",
@@ -101,11 +107,11 @@ class Loaded(Generic[M]):
         return dump(escaped(document))
 
     def resolved_in(self, folder: Path, given_only: bool = False) -> str:
-        """Return the resolved spec for a file in another folder. Its relative paths start in that
-        folder, so that it can be run there.
+        """Return the spec as YAML for a file in another folder. Paths are rewritten to be relative
+        to this folder, so that the spec can be run there.
 
-        With `given_only`, leave out the defaults, and keep the line that names the schema to
-        editors if the spec has one.
+        With `given_only`, defaults are left out. The first line of the spec is then kept if it
+        names the schema for editors.
         """
         text = self._text(given_only, (self.folder.resolve(), folder.resolve()))
         first = self._root.at.source.text.partition("\n")[0]
@@ -120,8 +126,8 @@ class Loaded(Generic[M]):
         return f"{MODELINE}{place}\n{text}"
 
     def where(self, *loc: str | int) -> str:
-        """Return `file:line:column` of a key or list item. If no file holds it, the nearest section
-        around it is used.
+        """Return `file:line:column` of a key or list item. If a key is in no file, because it has
+        its default value, the nearest section around it is used.
         """
         return str(nearest(self._root, loc).start)
 
@@ -153,9 +159,9 @@ def load_text(
     overrides: Sequence[str] = (),
     tables: Mapping[str, RawTable] = MappingProxyType({}),
 ) -> LoadedSpec:
-    """Return an experiment spec from YAML text that is in no file. `name` is its name in messages,
-    its paths start at `folder`, and `tables` holds recordings in memory that `data.files` can name.
-    Raises the same errors as `load`.
+    """Read an experiment spec from a YAML text that is not in a file. `name` is the name of the
+    text in messages. Its paths are relative to `folder`. `tables` holds recordings in memory, which
+    `data.files` names by their keys. Raises the same errors as `load`.
     """
     source = SourceText(name, folder, text, numbered=False)
     loaded = _validated(source, folder / name, ExperimentSpec, overrides, findings)
@@ -163,7 +169,7 @@ def load_text(
 
 
 def changed(loaded: LoadedSpec, overrides: Sequence[str]) -> LoadedSpec:
-    """Return a spec with further settings on top; raises the same errors as `load`."""
+    """Return the spec after further settings were applied; raises the same errors as `load`."""
     every = (*loaded.overrides, *overrides)
     source = loaded._root.at.source
     again = _validated(source, loaded.path, ExperimentSpec, every, findings)
@@ -173,8 +179,8 @@ def changed(loaded: LoadedSpec, overrides: Sequence[str]) -> LoadedSpec:
 def _validated(
     source: SourceText, path: Path, model: type[M], overrides: Sequence[str], check: Check[M]
 ) -> Loaded[M]:
-    """Validate a text and return its spec. Raises all mistakes at once; at each place only the
-    first is shown, because later ones follow from it.
+    """Validate a text and return its spec. Raises SpecError with all mistakes at once. If several
+    mistakes are at the same place, only the first is shown, because the others follow from it.
     """
     problems: list[Mistake] = []
     root = with_overrides(extended(source, path, problems), overrides, problems)
@@ -194,7 +200,7 @@ def _validated(
     problems += [Mistake(node.at, fault, VARIABLES) for node, fault in strays]
     known = {problem.at for problem in problems}
     raise_if_any([*problems, *(problem for problem in later if problem.at not in known)])
-    # a spec without a file has no comments
+    # a spec that is not in a file has no comments
     if isinstance(spec, ExperimentSpec) and path.is_file():
         spec._unconfirmed = questions_in(path.read_text(encoding="utf-8-sig"))
     return Loaded(spec, path, path.parent, tuple(overrides), root)
@@ -203,20 +209,20 @@ def _validated(
 def _further_mistakes(
     error: ValidationError, root: Node, keys_at: KeysAt, model: type[M], check: Check[M]
 ) -> list[Mistake]:
-    """Return further mistakes, so that all mistakes appear at once. Some of them lie below misspelt
-    keys. Others are found by `check` after misspelt keys are corrected and malformed parts are
-    removed.
+    """Return mistakes that the first validation could not find, so that all mistakes are shown at
+    once. To find them, misspelt keys are corrected and faulty parts are removed, and the spec is
+    validated again. If it is valid then, `check` looks for contradictions.
     """
     if error.error_count() > MOST_ERRORS:
         return []
     sections, below = set[str | int](), list[Mistake]()
     while True:
-        # Remove the last items of a list first, so that the indices of the others stay valid.
+        # Remove the last items of a list first, so that the indices of the other items stay valid.
         parts = sorted(lost(error, root, keys_at), key=_place_among_items, reverse=True)
         misspelt = [(loc, meant[-1]) for loc, meant in parts if meant not in (None, loc)]
         for loc, key in misspelt:
             root = renamed(root, loc, key)
-        # after a key was corrected, nothing is removed yet, because its section may be complete now
+        # if a key was corrected, its section may now be complete, so nothing is removed yet
         for loc, meant in () if misspelt else parts:
             if meant is not None and _echoes(meant):
                 return below
@@ -229,7 +235,7 @@ def _further_mistakes(
                 for finding in check(model.model_validate(document, context=context))
                 if not ("dictionary" in sections and finding.loc[0] == "fit")
             ]
-        # A required part was removed, so its section is removed next.
+        # The part that was removed was required, so the section around it is removed next.
         except ValidationError as still:
             error, keys_at = still, partial(context.keys_at, document)
             below += explain(error, root, keys_at) if misspelt else []
@@ -260,12 +266,12 @@ def questions_in(text: str) -> tuple[str, ...]:
     that it concerns.
     """
     questions = []
-    # the test for the word `CHECK` takes much less time than the search for comments
+    # a search for the word `CHECK` is much faster than a search for comments
     for match in _QUESTION.finditer(text) if "CHECK" in text else ():
         words = [match["text"]]
         start = text.rfind("\n", 0, match.start()) + 1
-        key = _KEY.search(text, start)  # key on the line of the comment or below it
-        # a comment above the line of its key may have several lines
+        key = _KEY.search(text, start)  # the key is on the line of the comment or below
+        # if the comment has a line of its own, it may continue on the next lines
         if not text[start : match.start()].strip():
             below = text[match.end() + 1 :].splitlines()
             after = takewhile(
@@ -277,7 +283,7 @@ def questions_in(text: str) -> tuple[str, ...]:
 
 
 def confirmed(text: str) -> str:
-    """Return the text of a spec in which all open questions are confirmed: the comments stay,
-    without `CHECK`.
+    """Return the text of a spec without open questions. The comments stay, but the word `CHECK:` is
+    removed from them.
     """
     return _QUESTION.sub(lambda match: f"# {match['text']}", text)

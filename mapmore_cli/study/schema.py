@@ -1,5 +1,5 @@
-"""Make the JSON Schema of a spec, by which editors complete and check a spec while it is typed, and
-the reference of its keys.
+"""Make the JSON Schema of a spec, and the reference of its keys. With the schema, editors complete
+and check a spec while it is typed.
 
 `mapmore schema` prints the schema (`make schema` writes it to `configs/`), and `mapmore schema
 keys` prints the reference.
@@ -33,8 +33,8 @@ Example: `0.25``.
 
 
 class _Documented(GenerateJsonSchema):
-    """Generator that adds to every key its explanation, unit and example from the docstring, and
-    leaves out the titles of fields, which only repeat their names.
+    """Generator of the schema. It adds the explanation, the unit and the example of every key,
+    which it takes from docstrings. It leaves out the titles of keys, which only repeat their names.
     """
 
     def field_title_should_be_set(self, _schema: object) -> bool:
@@ -67,7 +67,7 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
         if key in said_of:
             _, own_unit, value["description"], example = said_of[key].groups()
             node = parse(SourceText("an example", Path(), example or "", numbered=False), [])
-            # values as plain JSON, without the information about their places
+            # copies of the values as plain JSON, without the places at which they are written
             value["examples"] = json.loads(json.dumps([written(node)]))
             unit = own_unit or unit
         if unit is not None:
@@ -76,8 +76,8 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
 
 
 def _unit_within(value: object) -> str | None:
-    """Return the unit of the numbers at a key and remove it from the parts of the schema; `1` for
-    plain numbers, None if the key takes no numbers.
+    """Remove the unit of the numbers at a key from all parts of the schema of this key, and return
+    the unit: `1` for plain numbers, None if the key takes no numbers.
     """
     if isinstance(value, list):
         return next((unit for part in value if (unit := _unit_within(part))), None)
@@ -89,7 +89,7 @@ def _unit_within(value: object) -> str | None:
 
 
 def _whole_schema() -> JsonSchemaValue:
-    """Return the schema of a spec without inheritance, with `extends` as the first key."""
+    """Return the schema of a spec that inherits nothing. Its first key is `extends`."""
     schema = ExperimentSpec.model_json_schema(schema_generator=_Documented)
     extends = {
         "type": "string",
@@ -110,8 +110,8 @@ def json_schema() -> JsonSchemaValue:
         "required": schema.pop("required"),
         "properties": {"data": {"required": sections["Data"]["required"]}},
     }
-    # A spec with `extends` may inherit the required keys of mappings. Lists are replaced as a
-    # whole, so only the keys within list items remain required.
+    # A spec with `extends` may inherit the required keys of mappings, so mappings require no keys.
+    # A list replaces the inherited list as a whole, so that list items still require their keys.
     for name in {*_sections_within(schema, sections, ("items", "prefixItems", "$defs", "default"))}:
         sections[name].pop("required", None)
     return {
@@ -136,8 +136,8 @@ def write_schema_beside(spec: Path) -> Path | None:
 def _sections_within(
     schema: object, sections: dict[str, Any], skipped: Sequence[str]
 ) -> Iterator[str]:
-    """Yield the names of the sections that a schema refers to, from top to bottom, each followed by
-    the sections inside it. A name can occur several times.
+    """Yield the names of the sections to which a schema refers, from top to bottom. Each name is
+    followed by the sections inside this section. A name can occur several times.
     """
     if isinstance(schema, list):
         for item in schema:
@@ -146,7 +146,7 @@ def _sections_within(
         name = str(schema.get("$ref", "")).removeprefix("#/$defs/")
         if name in sections:
             yield name
-            # families inside products are described together with `products`
+            # a section that contains itself, such as `products`, is not followed inside itself
             others = {key: value for key, value in sections.items() if key != name}
             yield from _sections_within(sections[name], others, skipped)
         for key, value in schema.items():

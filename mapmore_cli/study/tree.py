@@ -44,7 +44,9 @@ class Position:
 
 @dataclass(frozen=True)
 class Node:
-    """A value with its position, and the position of its key if it has one."""
+    """A value with its position in the source. If the value belongs to a key, the position of the
+    key is also given.
+    """
 
     value: dict[str, Node] | list[Node] | str | int | float | bool | None
     at: Position
@@ -159,8 +161,8 @@ def without(root: Node, loc: Loc) -> Node:
 
 
 def renamed(root: Node, loc: Loc, key: str | int) -> Node:
-    """Return the tree with the value at `loc` under another key of the same mapping; the value is
-    removed if the mapping has this key already.
+    """Return the tree in which the value at `loc` has another key, in the same mapping. If the
+    mapping has this key already, the value is removed.
     """
     step, *rest = loc
     below = root.child(step)

@@ -1,5 +1,5 @@
-"""Convert units where numbers enter from a spec or a file. After that, every array is in the unit
-of the model.
+"""Convert numbers that are read from a spec or a file to the unit of the model. All arrays in the
+program are in the unit of the model.
 
 Common units are converted with a table of exact factors, which a test compares with pint. Pint
 knows all other units. Pint is imported only if such a unit occurs, because loading it takes 0.4 s
@@ -127,7 +127,7 @@ _ANY_CASE = {unit.casefold(): unit for unit in _KNOWN}
 _BRACKETS = re.compile(r"[\[(]([^][()]+)[])]$")
 _POWER = re.compile(r"(\w+?)(?:\^?([23])|([²³]))$")
 
-# a text can be split into a number and a unit in one way only
+# this pattern splits a text into a number and a unit in only one way
 _QUANTITY = re.compile(r"([+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?)(.*)", re.ASCII | re.DOTALL)
 _FACTOR = r"\(*(?:1|%|[^\W\d]\w*)(?:(?:\^|\*\*)-?\d)?\)*"
 _UNIT = re.compile(rf"{_FACTOR}(?:(?:\s*[*/·]\s*|\s+){_FACTOR})*")
@@ -143,8 +143,8 @@ _BASE = {
 def default_unit(
     name: str, changes: Mapping[str, str] = _NO_CHANGES, rates: Mapping[str, str] = _NO_CHANGES
 ) -> str:
-    """Return the model's unit of a quantity: the unit in `changes` (the spec's `units:`), otherwise
-    the default unit of this quantity, otherwise `1`.
+    """Return the unit of a quantity in the model. It is the unit in `changes` (the section `units`
+    of the spec), otherwise the default unit of this quantity, otherwise `1`.
 
     A rate has the unit of its quantity per unit of time, for example `kPa/s` for `pressure_rate`.
     `rates` maps rates with other names to their quantities. `step_pressure` has the unit of the
@@ -152,7 +152,7 @@ def default_unit(
     """
     if name in changes:
         return changes[name]
-    # A rate that is derived from itself would recur forever; a check of the spec reports it.
+    # A rate that is derived from itself is left out, because the recursion would not end.
     others = {key: of for key, of in rates.items() if key != name}
     if name in rates or name.endswith("_rate"):
         of = rates.get(name, name.removesuffix("_rate"))
@@ -163,15 +163,17 @@ def default_unit(
 
 
 def is_canonical(name: str) -> bool:
-    """Return True for the quantities with a fixed meaning and their rates."""
+    """Return True if the name of a quantity has a fixed meaning, as `pressure` has, or if it is the
+    rate of such a quantity.
+    """
     return name in CANONICAL or (
         name.endswith("_rate") and is_canonical(name.removesuffix("_rate"))
     )
 
 
 def convert(values: N, source_unit: str, target_unit: str, *, difference: bool = False) -> N:
-    """Convert values, or a `difference` of two values: 1 K is -272.15 degC as a value, but 1 degC
-    as a difference.
+    """Convert values, or a `difference` of two values, to another unit. 1 K is -272.15 degC as a
+    value, but 1 degC as a difference.
 
     Raises SpecError for an unknown unit or two units of different dimensions; the message names
     both.
@@ -221,7 +223,9 @@ def spell_pressures(text: str) -> str:
 
 
 def _ours(unit: str) -> str | None:
-    """Return mapmore's spelling of one factor of a unit, if it differs: `mm2` becomes `mm^2`."""
+    """Return mapmore's spelling of one factor of a unit, for example `mm^2` for `mm2`. Return None
+    if mapmore has no other spelling of this factor.
+    """
     power = _POWER.fullmatch(unit)
     if power is not None and power[1] in _KNOWN:
         return f"{power[1]}^{power[2] or '²³'.index(power[3]) + 2}"
@@ -236,8 +240,8 @@ def _everyday_factor(source_unit: str, target_unit: str) -> float | None:
 
 
 def _everyday(unit: str) -> tuple[tuple[str, ...], Fraction] | None:
-    """Return the dimensions and the factor of a common unit, or of a rate `unit/time`; None for any
-    other unit, which pint converts.
+    """Return the dimensions of a common unit, or of a rate `unit/time`, and its factor to the base
+    unit; None for any other unit, which pint converts.
     """
     match [_EVERYDAY.get(part) for part in unit.split("/")]:
         case [(dimension, factor)]:
@@ -268,11 +272,11 @@ def split_quantity(text: str) -> tuple[float, str | None]:
 
 
 def parse_quantity(text: str, unit: str, *, difference: bool = False) -> float:
-    """Return the number in `unit` that `text` stands for, as a value or as a `difference` of two
-    values: `parse_quantity("1.1 bar", "kPa")` is 110.
+    """Convert a text such as `1.1 bar` to a number in `unit`, as a value or as a `difference` of
+    two values: `parse_quantity("1.1 bar", "kPa")` is 110. A plain number is returned unchanged.
 
-    Raises SpecError for a text that is no number with a unit, an unknown unit, or a unit of another
-    dimension.
+    Raises SpecError for a text that is not a number with a unit, an unknown unit, or a unit of
+    another dimension.
     """
     number, source_unit = split_quantity(text)
     # the result is rounded to 15 digits, so that 1.1 bar is 110 kPa, not 110.00000000000001 kPa
@@ -288,8 +292,8 @@ def check_unit(unit: str) -> None:
 
 
 def is_kept(unit: str) -> bool:
-    """Return True for a unit that a quantity without a fixed meaning keeps, for example `mm` or
-    `deg`; False for `1`, `%` and unknown units.
+    """Return True if a quantity without a fixed meaning can have this unit in the model, for
+    example `mm` or `deg`. Return False for `1`, `%` and unknown units.
     """
     everyday = _everyday(_spelt(unit))
     if everyday is not None:
@@ -343,7 +347,7 @@ def can_convert(unit: str, other: str) -> bool:
 
 
 def is_same(unit: str, other: str) -> bool:
-    """Return True if every quantity has the same number in both units."""
+    """Return True if every quantity has the same number in both units, for example in N*m and J."""
     try:
         return np.allclose(convert(np.array([0.0, 1.0]), unit, other), [0.0, 1.0], rtol=1e-9)
     except SpecError:
@@ -351,8 +355,8 @@ def is_same(unit: str, other: str) -> bool:
 
 
 def base_units(unit: str) -> BaseUnits | None:
-    """Return a unit in base units of the SI; None for an unknown unit or one with fractional
-    powers.
+    """Return a unit in base units of the SI; None for an unknown unit, or for a unit with
+    fractional powers.
     """
     try:
         parsed = _pint_unit(unit)

@@ -27,15 +27,15 @@ def _on_one_line(node: yaml.Node) -> int:
         return ONE_LINE if "\n" in node.value else len(node.value) + 2
     parts = [part for part in node.value for part in (part if isinstance(part, tuple) else (part,))]
     size = 2 + sum(map(_on_one_line, parts))
-    # `polynomial: {...}` as an item of a list needs no braces of its own
+    # an item such as `- polynomial: {...}` needs no braces around the item itself
     is_wrapped = len(parts) == 2 and isinstance(parts[1], yaml.CollectionNode)
     node.flow_style = size <= ONE_LINE and not is_wrapped
     return size
 
 
 class _CoreDumper(yaml.SafeDumper):
-    """Dumper that quotes every text that `CoreLoader` would read as something else, and writes no
-    anchors.
+    """Dumper that puts quotes around every text that would be read as something else without
+    quotes, for example as a number. It writes no anchors.
     """
 
     yaml_implicit_resolvers = RESOLVERS

@@ -40,8 +40,8 @@ this order. The key None means any first character.
 
 
 class CoreLoader(yaml.SafeLoader):
-    """Loader that composes nodes with the tags of YAML 1.2's core schema; `<<` is an ordinary
-    key.
+    """Loader of PyYAML that gives scalars the types of YAML 1.2's core schema. The key `<<`, with
+    which YAML 1.1 merges mappings, is an ordinary key.
     """
 
     yaml_implicit_resolvers = RESOLVERS
@@ -120,7 +120,8 @@ def read_source(path: Path) -> SourceText:
 
 
 def parse(source: SourceText, problems: list[Mistake]) -> Node:
-    """Return the tree of a YAML text; a duplicate key is added to `problems`.
+    """Return the tree of a YAML text. If a key occurs twice in a mapping, a mistake is added to
+    `problems`.
 
     Raises SpecError for text that is not YAML, that is nested too deeply, or whose aliases multiply
     too much.
@@ -135,7 +136,8 @@ def _tree_of(source: SourceText) -> tuple[Node, tuple[Mistake, ...]]:
         root = _composed(source.text)
     except yaml.YAMLError as error:
         explain_fault(error, source)
-    except (ValueError, OverflowError):  # `chr` raises these errors inside PyYAML
+    # PyYAML calls `chr`, which raises these errors for an invalid character number
+    except (ValueError, OverflowError):
         escape = re.search(r"\\U(?!00(?:0|10))[0-9A-Fa-f]{8}", source.text)
         fault = f"{(escape[0] if escape else 'an escape')} is not a Unicode character"
         at = position_at(source, escape.start() if escape else 0)

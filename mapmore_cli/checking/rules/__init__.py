@@ -25,7 +25,8 @@ Rule = Callable[["Subject"], Issues]
 @dataclass(frozen=True)
 class Subject:
     """The study that the rules examine: a spec with its recordings, and with its dataset in `made`
-    if the dataset could be made. For a spec with several targets, it is the study of one of them.
+    if the dataset could be made. A spec with several targets is examined as one study for each
+    target.
 
     `where(*loc)` returns the `file:line:column` of a part of the spec. `units` holds the unit of
     every quantity of the recordings. Paths of recordings start at `folder`.
@@ -47,7 +48,7 @@ class Subject:
 
     @property
     def kept(self) -> list[Recording]:
-        """The recordings in which samples were kept."""
+        """The recordings that have at least one sample."""
         return [recording for recording in self.recordings if recording.rows_kept]
 
     def has(self, *names: str) -> bool:
@@ -55,7 +56,9 @@ class Subject:
         return all(name in recording.columns for recording in self.recordings for name in names)
 
     def pooled(self, name: str) -> Array:
-        """Return a quantity of all recordings together, (n,)."""
+        """Return the values of a quantity in all recordings, one recording after the other,
+        (n,).
+        """
         values: Array = joined([recording.columns[name] for recording in self.recordings])
         return values
 
@@ -65,8 +68,8 @@ class Subject:
         return min(low for low, _ in ends), max(high for _, high in ends)
 
     def source(self, name: str) -> str:
-        """Return a text that says how the spec defines a quantity: by a column, by an expression,
-        or by a value that is set for files.
+        """Return the `file:line:column` at which the spec defines a quantity: its column, its
+        expression in `derive`, or the section `files` if the value is set for whole files.
         """
         for section in ("columns", "derive"):
             if name in getattr(self.spec.data, section):

@@ -1,5 +1,5 @@
-"""Check that curves have enough samples, that held-out data lie in the training range, that terms
-with memory can count time steps, and that equal inputs have one target value.
+"""Check that curves have enough samples, that held-out data lie in the training range, that the
+time steps are equal if terms with memory need this, and that equal inputs have one target value.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FEWEST = 5  # smallest number of samples that show the shape of a curve
 
 
 def few_samples(subject: Subject) -> Issues:
-    """Find curves with so few samples that they have no shape."""
+    """Find curves with fewer than five samples, which do not show the shape of the curve."""
     for curve in subject.dataset.curves:
         if curve.size < FEWEST:
             yield Issue(
@@ -71,7 +71,7 @@ def beyond_training(subject: Subject) -> Issues:
             validation <= training.max() + margin
         )
         outside = validation[~is_inside]
-        # if the split does not name this quantity, a few of its values may lie outside by chance
+        # if the split does not name the quantity, a few values may lie outside the range by chance
         if outside.size > (0 if name in chosen else SOME * validation.size):
             share = "" if name in chosen else f"{outside.size / validation.size:.0%} of the "
             reached = f"{outside.min():.6g}" + (
@@ -89,8 +89,8 @@ def beyond_training(subject: Subject) -> Issues:
 
 
 def inputs_of_model(subject: Subject) -> list[str]:
-    """Return the inputs of the model, except the time and the targets. Past values of the targets
-    are predicted in a free run.
+    """Return the inputs of the model, except the time and the targets. Targets are left out even if
+    the model uses their past values, because a free run predicts these values.
     """
     spec = subject.spec
     texts = [
@@ -107,8 +107,8 @@ def inputs_of_model(subject: Subject) -> list[str]:
 
 def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
     """Return the values of a quantity in the training samples, or in the held-out samples if
-    `held_out` is True. A long curve is thinned evenly, but its extremes are kept. For the level
-    quantity, return the levels.
+    `held_out` is True. From a long curve, only evenly spaced values and the extremes are returned.
+    For the level quantity, the value of each sample is the level of its curve.
     """
     parts = []
     for curve in dataset.curves:
@@ -124,8 +124,9 @@ def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
 
 
 def even_steps(subject: Subject) -> Issues:
-    """Require equal time steps in all recordings and no undeclared gaps, unless only the order of
-    samples matters to the model.
+    """Require equal time steps in all recordings, unless the model needs only the order of the
+    samples. Gaps within recordings, after which a model with memory forgets its past, give a
+    warning.
     """
     if not subject.spec.runs_over_time:
         return

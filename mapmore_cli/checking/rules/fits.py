@@ -58,15 +58,17 @@ def short_segments(subject: Subject) -> Issues:
 
 
 def _most_terms(subject: Subject) -> int:
-    """Return the largest number of terms that a segment can have. The spec limits this number, and
-    a dictionary without memory limits it too.
+    """Return the largest number of terms that a segment can have: `fit.max_terms`, or the number of
+    candidate terms if that is smaller and the dictionary has no memory.
     """
     most, dictionary = subject.spec.fit.max_terms, subject.spec.dictionary
     return most if remembers(dictionary) else min(most, len(terms_of(dictionary)) or most)
 
 
 def _too_many_to_place(subject: Subject, cuts: list[Cuts], counts: list[int]) -> Issues:
-    """Find curves with too few samples for segments whose boundaries are chosen by fits."""
+    """Find curves with too few samples for `method: optimal`, which places the segment boundaries
+    so that the error of the fit is as small as possible.
+    """
     each = _most_terms(subject) + 1
     for curve, count in zip(subject.dataset.curves, counts, strict=True):
         for cut in cuts:
@@ -86,8 +88,8 @@ def _short(subject: Subject, message: str) -> Issue:
 
 
 def few_for_formula(subject: Subject) -> Issues:
-    """Find formulas with more parameters than training samples, among the model, its backbone and
-    the competitors.
+    """Find formulas that have more parameters than there are training samples. The model, its
+    backbone and the competitors are examined.
     """
     spec, dataset = subject.spec, subject.dataset
     count = sum(int(np.count_nonzero(curve.training)) for curve in dataset.curves)
@@ -107,8 +109,8 @@ def few_for_formula(subject: Subject) -> Issues:
 
 
 def contradicted_shape(subject: Subject) -> Issues:
-    """Find a `fit.shape` that the training data contradict, with the test that `run` makes before
-    it joins the pieces.
+    """Find a shape in `fit.shape` that the training data contradict. `mapmore run` makes the same
+    test before it joins the pieces.
     """
     spec, dataset = subject.spec, subject.dataset
     if spec.fit.shape is None or spec.runs_over_time or spec.model.type != "mapmore":

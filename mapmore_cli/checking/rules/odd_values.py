@@ -18,13 +18,15 @@ WITH_ROWS = ("csv", "xlsx")  # names of the readers whose files have numbered ro
 
 
 def spikes_in(subject: Subject) -> Issues:
-    """Find single samples far from their neighbours: a dropout, or a digit too many."""
+    """Find spikes: single samples far from their neighbours, caused by a dropout or a mistyped
+    digit.
+    """
     for name in subject.spec.data.columns:
         for recording in subject.recordings:
             if name == "time" or name not in recording.columns:
                 continue
             values = recording.columns[name]
-            # values are examined block by block, because a long record may change its character
+            # blocks are examined one by one, because a signal may behave differently later on
             blocks = enumerate(in_blocks(values, rows=WIDE))
             rows = np.concatenate([number * WIDE + spikes(x) for number, (x,) in blocks])
             limit = _vacuum(subject, name)
@@ -74,8 +76,8 @@ def below_vacuum(subject: Subject) -> Issues:
 
 
 def _vacuum(subject: Subject, name: str) -> float | None:
-    """Return the smallest value of a gauge pressure in its unit; None for other quantities and for
-    pressure differences.
+    """Return the gauge pressure of a vacuum, in the unit of the quantity. Return None if the
+    quantity is not a pressure.
     """
     if name != "pressure" and not name.startswith("pressure_"):
         return None
@@ -86,8 +88,9 @@ def _vacuum(subject: Subject, name: str) -> float | None:
 
 
 def _first_of(subject: Subject, recording: Recording, rows: IntArray) -> str:
-    """Return a text with the position of the first sample in a list, and the number of further
-    samples. The position is the time and, if all rows were kept, the row in the file.
+    """Return a text with the position of the first of some samples, and the number of further
+    samples. The position is the row in the file if all rows were kept, and otherwise the sample's
+    number in the recording; the time is added if it is known.
     """
     data, first = subject.spec.data, int(rows[0])
     by_rows = (

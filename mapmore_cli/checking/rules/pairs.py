@@ -24,7 +24,7 @@ def computed_from(subject: Subject) -> Issues:
         if name in (target, "time") or not subject.has(name):
             continue
         if same_signals([subject.pooled(name), subject.pooled(target)]):
-            continue  # the rule `same_signal` reports such a column as an error
+            continue  # the rule `same_signal` reports a column that repeats the target
         slopes = [
             _slope_of_line(recording.columns[name], recording.columns[target])
             for recording in subject.recordings

@@ -1,4 +1,6 @@
-"""Check samples: what was recorded, what was left out, and whether the samples are static."""
+"""Check samples: signals that are constant, repeated or clipped, load cycles without a movement,
+copied files, targets far from zero, and pressures that are not at rest.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +15,9 @@ from mapmore_cli.domain.recording import Recording
 from mapmore_cli.domain.scores import FAR_FROM_ZERO
 from mapmore_cli.modelling.signals.sampling import PART, even_share
 
-# a sensor is saturated if an end of its range occurs this many times as often as other values
+# a sensor is saturated if an extreme value is this many times as frequent as any other value
 FAR_MORE = 10
-# quantities that hardly ever keep exactly one value unless their sensor is saturated
+# these quantities hardly ever keep exactly the same value, unless their sensor is saturated
 FROM_SENSORS = ("force", "pressure", "load")
 # these targets vary around zero, even if the force does not
 PARTS_OF_FORCE = ("hysteresis", "damping")
@@ -67,13 +69,13 @@ def offset(subject: Subject) -> Issues:
 
 
 def same_signal(subject: Subject) -> Issues:
-    """Find a signal that occurs twice, for example a sensor's voltage and the quantity computed
-    from it. Neither of the two can serve to model the other.
+    """Find a signal that occurs in two columns, for example a sensor's voltage and the quantity
+    computed from it. A model of one of the two must not use the other as an input.
     """
     names = [name for name in subject.spec.data.measured if name != "time" and subject.has(name)]
     for family in evidence.same_signals([subject.pooled(name) for name in names]):
         signals = " and ".join(names[place] for place in family)
-        # two inputs may be equal, for example those of a joint, but not an input and the target
+        # inputs may be equal (as in a joint with two muscles), but no input may equal the target
         target = subject.target in (names[place] for place in family)
         yield Issue(
             "error" if target else "hint",
@@ -87,8 +89,8 @@ def same_signal(subject: Subject) -> Issues:
 
 
 def clipped(subject: Subject) -> Issues:
-    """Find saturated sensors: a signal that has its minimum or maximum far more often than any
-    other value.
+    """Find saturated sensors: signals whose smallest or largest value occurs far more often than
+    any other value.
     """
     levels = subject.spec.data.levels
     held = ("time", None if levels is None else levels.of)
@@ -138,12 +140,14 @@ over all recordings.
 
 
 def still_cycles(subject: Subject) -> Issues:
-    """Find load cycles of a quantity that is held constant; the reversals are then noise."""
+    """Find load cycles of a quantity that was held constant, so that its reversals are only
+    noise.
+    """
     cycles = subject.spec.data.cycles
     if cycles is None or not subject.has(cycles.over):
         return
     low, high = subject.span(cycles.over)
-    # a movement below a share of the range of all recordings, or of the largest value, is noise
+    # movements below 5 % of the range of all recordings, or 1 % of the largest value, are noise
     least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
     columns = [recording.columns[cycles.over] for recording in subject.kept]
     noisy = [_is_noise(values) for values in columns]
@@ -168,22 +172,23 @@ def still_cycles(subject: Subject) -> Issues:
 
 
 def _is_noise(values: Array) -> bool:
-    """Return True if neighbouring samples differ as much as any two: von Neumann's ratio is 2 for
-    noise and near 0 for a movement.
+    """Return True if the values are noise. Von Neumann's ratio, the mean squared difference of
+    neighbouring samples divided by the variance, is 2 for noise and near 0 for a movement; the
+    limit is 1.
     """
     x = values[:PART]
     return len(x) > 1 and float(np.mean(np.diff(x) ** 2)) >= float(np.var(x))
 
 
 def recorded_twice(subject: Subject) -> Issues:
-    """Find copied files. They count twice, and a copy among the validation data makes the
-    validation worthless.
+    """Find copied files. The samples of a copied file have twice the weight in a fit, and a copy
+    among the validation data makes the validation worthless.
     """
     curves = subject.made.curves if subject.made else ()
     held_out = {name for curve in curves if curve.held_out.all() for name in curve.recordings}
     known: dict[tuple[object, ...], Recording] = {}
     for recording in subject.kept:
-        # only measured columns are compared, not values that the spec sets for a whole file
+        # only measured columns are compared, not the values that a spec sets for whole files
         measured = sorted(recording.columns.keys() & subject.spec.data.columns)
         samples = (hash(even_share(recording.columns[name]).tobytes()) for name in measured)
         twin = known.setdefault((recording.rows_kept, *measured, *samples), recording)

@@ -25,8 +25,9 @@ because noise decides their sign.
 
 
 def force_never_pulls(subject: Subject) -> Issues:
-    """Find a force that hardly ever pulls, in all recordings or in one. A muscle pulls, and models
-    take pull as positive. Noise and a single spike above zero do not count as pull.
+    """Find a force that is almost never positive, in all recordings or in a single recording. A
+    muscle pulls, and models treat a pulling force as positive. Noise, or a single spike above zero,
+    is not enough to show that the force pulls.
     """
     if not subject.has("force"):
         return
@@ -46,7 +47,9 @@ def force_never_pulls(subject: Subject) -> Issues:
 
 
 def _pull(recording: Recording) -> float:
-    """Return the share of forces above zero in the sum of squares; 1 if no force is below zero."""
+    """Return the sum of squares of the positive forces, divided by the sum of squares of all
+    forces; 1 if no force is negative.
+    """
     above = below = 0.0
     for (x,) in in_blocks(recording.columns["force"]):
         above += float(np.sum(x[x > 0] ** 2))
@@ -67,13 +70,13 @@ def _turned(subject: Subject, what: str, where: str) -> Issue:
 
 
 TURNED = 0.5
-"""Smallest correlation against the known sign at which a strain counts as turned."""
+"""A strain is reported if its correlation has the wrong sign and a magnitude above this limit."""
 
 
 def strain_turned(subject: Subject) -> Issues:
-    """Find a strain that counts a contraction as negative. At equal pressure, the force of a muscle
-    falls with its contraction. If the force is constant or unknown, the contraction rises with the
-    pressure.
+    """Find a strain in which a contraction is negative. At equal pressure, the force of a muscle
+    falls with its contraction. If the force is constant or unknown, another fact is used: the
+    contraction rises with the pressure.
 
     Only kinds of muscles of which this is known are examined. A strain that rises with the pressure
     has the right sign, even if the force rises with the strain, as in a muscle that stretches a
@@ -83,7 +86,8 @@ def strain_turned(subject: Subject) -> Issues:
     if muscle is None or muscle.kind not in KINDS or not subject.has("strain"):
         return
     if any(force_never_pulls(subject)):
-        return  # the force probably has the wrong sign, and not the strain
+        # if the force never pulls, its sign is probably wrong, and not the sign of the strain
+        return
     strain, pressure, force = (
         even_share(subject.pooled(name)) if subject.has(name) else np.zeros(1)
         for name in ("strain", "pressure", "force")

@@ -16,8 +16,8 @@ from mapmore_cli.study.units import can_convert, convert, default_unit, is_same,
 
 
 def strain_in_per_cent(subject: Subject) -> Issues:
-    """Find strains above 1, a contraction by more than the whole length. They are probably in per
-    cent.
+    """Find strains above 1, which would mean that the muscle contracts by more than its length.
+    They are probably in per cent.
     """
     if not subject.has("strain"):
         return
@@ -57,8 +57,8 @@ def unit_in_the_name(subject: Subject) -> Issues:
 
 
 def unit_line(subject: Subject) -> Issues:
-    """Find unit lines that contradict the spec, for example kN below the name of a column that is
-    read in N.
+    """Find header lines whose units contradict the spec, for example kN below the name of a column
+    that is read in N.
     """
     if subject.recordings and (top := _header(subject, subject.recordings[0].source)) is not None:
         names, *below = [list(map(str, row)) for row in top.rows] or [[]]
@@ -66,12 +66,14 @@ def unit_line(subject: Subject) -> Issues:
 
 
 def _header(subject: Subject, source: str) -> Top | None:
-    """Return the header lines of a file, if it has several."""
+    """Return the header lines of a file. Return None if the spec declares fewer than two
+    header lines, or if the header lines cannot be found.
+    """
     data = subject.spec.data
     peek = READERS[data.reader].peek
     tables = [data.table, *(one.table for one in data.files if isinstance(one, FileEntry))]
     if peek is None or int(data.header) < 2 or {*tables} != {None}:
-        # the first lines of a file say nothing about a table that stands below another table
+        # if the spec selects a table of the file, the first lines may belong to another table
         return None
     for top in peek(subject.folder / source, data.skip_rows + int(data.header)):
         if all(
@@ -87,8 +89,9 @@ LOOKED_AT = 20  # largest number of files whose header is checked
 
 
 def header_of_numbers(subject: Subject) -> Issues:
-    """Find header lines with a number in every column: they are probably samples that are lost as
-    header lines. Numbers that count the columns are allowed.
+    """Find header lines with a number in every column: they are probably samples that are lost,
+    because they are read as header lines. A line that only numbers the columns (`1`, `2`, `3`) is
+    allowed.
     """
     for source in [*dict.fromkeys(one.source for one in subject.recordings)][:LOOKED_AT]:
         top = _header(subject, source)
@@ -139,15 +142,16 @@ def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> 
 
 
 def _contradicted(subject: Subject, name: str, unit_told: str | None) -> str:
-    """Return the unit in which a column is read, if it contradicts the unit that the file states
-    (`unit_told`). Return an empty text if there is no contradiction, or if the column has a
+    """Return the unit in which the spec reads a column, if the unit in the file (`unit_told`)
+    contradicts it. Return an empty text if there is no contradiction, or if the column has a
     `scale`.
     """
     column = subject.spec.data.columns[name]
     declared = column.unit or default_unit(name, subject.spec.units)
     if unit_told is None or column.scale != 1.0:
         return ""
-    # `bar` may mean absolute pressure, and a unit of another dimension may be no unit at all
+    # `bar` in a file may mean absolute pressure.
+    # A text that looks like a unit of another dimension is probably not meant as a unit.
     agrees = any(is_same(unit, declared) for unit in (unit_told, f"{unit_told} abs"))
     return "" if agrees or not can_convert(unit_told, declared) else declared
 

@@ -1,4 +1,4 @@
-"""Find contradictions between settings of an experiment. Each of the settings is valid alone."""
+"""Find contradictions between settings of an experiment that are valid one by one."""
 
 from mapmore_cli.study.checks import (
     competitors,

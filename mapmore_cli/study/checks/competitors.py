@@ -57,8 +57,8 @@ def unknown_formula(
 
 
 def rivals_of(spec: ExperimentSpec) -> list[tuple[Loc, Competitor]]:
-    """Return each competitor with its path in the spec. A competitor that is only a name is the
-    model of this name.
+    """Return each competitor with its path in the spec. If the spec gives only a name, the
+    competitor is the model with this name.
     """
     against = (
         Competitor.model_construct(model=rival) if isinstance(rival, str) else rival
@@ -164,8 +164,8 @@ def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -
 
 
 def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that formulas can be fitted by the chosen method, and that competitors have distinct
-    names and data to be fitted to.
+    """Check each competitor: the starting values of its parameters must suit its formula, its name
+    must be unique, and the data to which it is fitted must exist.
     """
     shown, moves = [OWN, REPEATABILITY], spec.target in MOTION
     for loc, rival in rivals_of(spec):
@@ -212,8 +212,8 @@ def competitors(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def own_formulas(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that a formula of the spec has a name that is not in use, a valid expression, and is
-    linear in every parameter without bounds.
+    """Check each formula that the spec defines: its name must not be in use, its expression must be
+    valid, and it must be linear in every parameter that has no bounds.
     """
     names = {*literature.names(), *LEARNERS, *SIMPLE, OWN, REPEATABILITY, AUTO}
     for i, formula in enumerate(spec.formulas):

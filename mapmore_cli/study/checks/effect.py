@@ -16,8 +16,8 @@ OF_MEMORY = "remove it, or add terms with memory (`lags`, `slow`, `play`, ...) t
 
 
 def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that a model that runs along recordings has samples in the order of time, with the time
-    in seconds and no sample missing in between.
+    """Check the data of a model that runs along recordings: the time must be known, in seconds, the
+    samples must be in the order of time, and no single samples may be held out at random.
     """
     if not spec.runs_over_time:
         return
@@ -52,8 +52,8 @@ def along_recordings(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def idle(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse settings without effect. A model with memory is not divided into pieces, so settings
-    of pieces have no effect on it; settings of memory need terms with memory.
+    """Refuse settings that have no effect. A model with memory is not divided into pieces, so that
+    settings of pieces have no effect. Without terms with memory, settings of memory have no effect.
     """
     if spec.has_memory:
         yield from _of_pieces(spec)
@@ -68,7 +68,9 @@ def idle(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _of_pieces(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Refuse settings that have no effect on a single model with memory."""
+    """Refuse settings that have no effect because a model with memory is not divided into pieces,
+    for example settings of segments and of their joining.
+    """
     fit, levels, target = spec.fit, spec.data.levels, spec.target_quantity
     for name, cut in spec.segment.items():
         remedy = "remove it and use `{name}` in the terms, or write `{name}: none`"

@@ -70,8 +70,8 @@ def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check cross-validation: there are levels or groups that can be left out, and the model can be
-    fitted without them.
+    """Check a cross-validation: there must be levels or groups that can be left out, and it must be
+    possible to fit the model without them.
     """
     data, whole = spec.data, spec.has_memory or spec.model.type == "sum"
     for way, example, there in (
@@ -98,8 +98,8 @@ def leaving_out(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def groups(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that a quantity distinguishes the groups, and that the data can determine their gains
-    and offsets.
+    """Check that a quantity distinguishes the groups, and that the gain and the offset of each
+    group can be determined from the data.
     """
     groups, left_out = spec.data.groups, spec.data.split.leave_one_group_out
     if groups is None:
@@ -168,8 +168,8 @@ def after_cycles(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def chosen_levels(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that the values of the level quantity in `split.validate` and `fit.train_level` are
-    levels.
+    """Check the values of the level quantity in `split.validate` and `fit.train_level`: each must
+    be a level of the data.
     """
     levels, hold_out, trains = spec.data.levels, spec.data.split.hold_out, spec.fit.train_level
     if levels is None:

@@ -41,7 +41,7 @@ def names_of_quantities(spec: ExperimentSpec) -> Iterator[Finding]:
             if isinstance(name, str) and not is_quantity(name):
                 yield from unknown_quantity(name, spec.quantities, loc)
     hold_out, beyond = spec.data.split.hold_out, spec.fuse.extrapolation
-    # the word `none` cancels the segments of the spec that this spec extends
+    # `direction: none` cancels an inherited cut by direction; `direction` is then no quantity
     cut = [name for name, how in spec.segment.items() if (name, how) != (DIRECTION, "none")]
     keys: list[tuple[Loc, Collection[str]]] = [
         (("data", "uncertainty"), spec.data.uncertainty),

@@ -1,4 +1,6 @@
-"""Define what several checks use: the finding of an unknown name, and remedies."""
+"""Define parts of findings that several checks use: the finding about an unknown name, and texts of
+remedies.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ OF_NOTHING = "a model must not use its target as an input"
 STATIC_RUN, REMOVE = "add `needs: {{static: my-static.yaml}}`", "remove it"
 
 DERIVED = ("damping", "hysteresis")
-"""Targets that are computed and that no column holds, so that terms cannot use their past values.
+"""Targets that are computed and that no column holds, so that terms cannot use their past
+values.
 """
 
 

@@ -1,4 +1,6 @@
-"""Check the signs of slopes that `fit: {shape: ...}` demands."""
+"""Check the shapes that `fit.shape` requires, and the limits of coefficients (`sign` and `bounds`)
+in the dictionary.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +14,9 @@ from mapmore_cli.study.tree import Loc
 
 
 def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that every shape names a quantity of the study, that the kind of model can keep it, and
-    that the fit can keep the limits of coefficients.
+    """Check the entries of `fit.shape`: each must name a quantity of the study, with words that
+    suit this quantity, and the kind of model must be able to keep the shape. Also check that the
+    fit can keep the limits of coefficients.
     """
     fit, target = spec.fit, spec.target_quantity
     is_other = spec.model.type not in ("mapmore", "literature")

@@ -94,8 +94,8 @@ HELD = {
 
 
 def several(spec: ExperimentSpec) -> Iterator[Finding]:
-    """If a spec has several targets, check that it models them by pieces, or by terms with memory
-    of the inputs only.
+    """Check that a spec with several targets models them by pieces, or by terms with memory of the
+    inputs only.
     """
     if not spec.also:
         return

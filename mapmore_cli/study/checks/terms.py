@@ -22,7 +22,9 @@ from mapmore_cli.study.tree import Loc
 
 
 def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Finding]:
-    """Yield the faults of an expression in which every quantity stands for its present value."""
+    """Check an expression that may only use the present values of quantities: it can be read, its
+    quantities exist, and it contains no state with memory such as `slow(pressure, 0.3)`.
+    """
     for part in (yield from _states_in(text, loc, have)):
         if part.name != part.quantity and part.quantity in have:
             remedy = "use the state in the `dictionary` instead, or derive rates by `rate_of`"
@@ -36,8 +38,9 @@ def expression_findings(text: str, loc: Loc, have: Sequence[str]) -> Iterator[Fi
 def _states_in(
     text: str, loc: Loc, have: Sequence[str], is_expression: bool = True
 ) -> Generator[Finding, None, list[State]]:
-    """Check that the quantities of states exist, yield findings, and return the states. The text is
-    an expression that contains states, or the name of one state.
+    """Return the states in a text, and yield a finding for each that is made of an unknown
+    quantity. The text is an expression, or the name of one state if `is_expression` is False. If
+    the text cannot be read, yield a finding and return an empty list.
     """
     fault, remedy = "an expression", None
     if not is_expression:
@@ -54,8 +57,8 @@ def _states_in(
 
 
 def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that the time is known if a setting depends on the clock, and that joined logs have
-    quantities with distinct names.
+    """Check that the time is known if `gaps`, `resample` or a join needs it, and that the
+    quantities of joined logs have distinct names.
     """
     data = spec.data
     no_time = "time" not in data.measured
@@ -82,8 +85,8 @@ def clocks(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def terms(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that every text of the dictionary is a term or the name of a state, made of quantities
-    of the study.
+    """Check every text of the dictionary: it must be a term or the name of a state, and its
+    quantities must be quantities of the study.
     """
     target = spec.target_quantity
     for loc, name, family in entries_of(spec.dictionary):
@@ -113,7 +116,9 @@ def terms(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _is_constant(text: str) -> bool:
-    """Return True for an expression without quantities, and False for a malformed text."""
+    """Return True if the text is an expression without quantities. Return False if it contains
+    quantities or cannot be read.
+    """
     try:
         return not parse(text).names
     except ExpressionError:
@@ -121,8 +126,8 @@ def _is_constant(text: str) -> bool:
 
 
 def _term(text: str, states: Sequence[State], loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that a state that is computed from the target is a separate factor of its term, and
-    contains only past values.
+    """Check the states of a term that are computed from the target: they must be separate factors
+    of the term, and contain only past values.
     """
     wrong = [fault for part in states for fault in _of_target(part, text, loc, spec)]
     yield from wrong
@@ -137,8 +142,8 @@ def _term(text: str, states: Sequence[State], loc: Loc, spec: ExperimentSpec) ->
 def _state(
     used: State, text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family
 ) -> Iterator[Finding]:
-    """Check that a state used by the operator `name`, or directly by a family, contains only past
-    values if it is computed from the target.
+    """Check a state in `of` of an operator or of another kind of term. If the state is computed
+    from the target, it must contain only past values.
     """
     target = spec.target_quantity
     if isinstance(family, OperatorFamily):
@@ -157,7 +162,7 @@ def _state(
 
 
 def _of_target(used: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that a state of the target is computed from the target some samples ago."""
+    """Check that a state uses only past values of the target, if it uses the target."""
     target, is_derived = spec.target_quantity, spec.target in DERIVED
     if used.quantity != target:
         return
@@ -176,8 +181,9 @@ def _of_target(used: State, text: str, loc: Loc, spec: ExperimentSpec) -> Iterat
 
 
 def _partners(family: Products, loc: Loc) -> Iterator[Finding]:
-    """Check that the names in `with` of products occur among their terms. If products contain
-    families, the check is left to the fit, because the terms of families are not known earlier.
+    """Check that each name in `with` of `products` is also one of the terms in `of`. If `of`
+    contains other kinds of terms, this is checked in the fit, because their terms are not known
+    earlier.
     """
     texts = [text for text in family.of if isinstance(text, str)]
     names = [_state_name(text) for text in texts]
@@ -199,6 +205,8 @@ def _state_name(text: str) -> str:
 
 
 def _word(name: str, text: str) -> int:
-    """Return the offset at which a name stands in an expression as a whole word."""
+    """Return the index at which a name occurs in an expression as a whole word; 0 if it does not
+    occur.
+    """
     match = re.search(rf"(?<![A-Za-z0-9_]){re.escape(name)}(?![A-Za-z0-9_])", text)
     return match.start() if match else 0

@@ -14,8 +14,8 @@ from mapmore_cli.study.units import CANONICAL, check_unit, convert, default_unit
 
 
 def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that limits concern metrics of the score row. With several targets, a metric in the
-    unit of a target needs a limit for each of them.
+    """Check the metrics in `validate.require`: they must be metrics of the score table. With
+    several targets, a metric in the unit of a target needs a limit for each target.
     """
     targets = {*spec.targets} if spec.also else set[str]()
     for name, limit in spec.validation.require.items():
@@ -32,9 +32,9 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def units(spec: ExperimentSpec) -> Iterator[Finding]:
-    """Check that units exist and have the right dimension: the units of the model suit the
-    quantities with a fixed meaning, and the units of columns can be converted to the units of the
-    model.
+    """Check that every unit exists and has the right dimension. A quantity with a fixed meaning,
+    such as `pressure`, must have a unit of its dimension in the model. It must be possible to
+    convert the unit of a column to the unit of its quantity in the model.
     """
     known, wrong = (*spec.data.quantities, *CANONICAL), set[str]()
     for name, unit in spec.units.items():

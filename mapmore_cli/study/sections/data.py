@@ -53,8 +53,8 @@ class Direction(Section):
     each recording, the direction is +1.
 
     - `direction_of`: The rate, usually made by `rate_of`. Example: `strain_rate`
-    - `dead_band`: Largest absolute rate that counts as no motion. Set it above the noise of the
-      rate. Example: `0.002`
+    - `dead_band`: A rate whose absolute value is at most this is treated as zero. Set it above the
+      noise of the rate. Example: `0.002`
     """
 
     direction_of: str
@@ -89,9 +89,9 @@ class Levels(Section):
     - `within`: Largest distance of a sample from its level; samples farther away belong to no
       level. Half the smallest distance between two levels by default; a single level has all
       samples. Example: `10 kPa`
-    - `value`: Which value of the level quantity a sample has: the one that was `measured`, or the
-      `nominal` value of its level. Choose `nominal` if the sensor is noisier than the test rig.
-      Example: `nominal`
+    - `value`: Value of the level quantity in each sample: `measured` is the measured value,
+      `nominal` the value of its level. Choose `nominal` if the sensor is noisier than the
+      test rig. Example: `nominal`
     """
 
     of: str
@@ -103,8 +103,8 @@ class Levels(Section):
 
     @property
     def spacing(self) -> float | None:
-        """Smallest distance between two levels that the spec names; None for `auto` or a single
-        level.
+        """Smallest distance between two neighbouring levels in `at`. None if `at` is `auto` or has
+        a single level.
         """
         if isinstance(self.at, str) or len(self.at) < 2:
             return None
@@ -149,8 +149,8 @@ class GapRule(Section):
 
 
 class MissingRule(Section):
-    """Cells that count as missing values, besides an empty cell, `nan`, `NA` and similar words.
-    Samples with a missing value are left out.
+    """Cells that are treated as missing values, in addition to empty cells, `nan`, `NA` and similar
+    words. Samples with a missing value are left out.
 
     - `tokens`: Texts and numbers that mean a missing value. Example: `[-999, "no signal"]`
     """
@@ -254,8 +254,8 @@ class Data(Logs):
 
     @property
     def measured(self) -> tuple[str, ...]:
-        """Names of all quantities that come from a column, and the time if it is made from
-        `sample_time`.
+        """Names of all quantities that come from columns, including those of joined logs. The time
+        is included if it is made from `sample_time`.
         """
         of_joins = (name for join in self.join for name in join.quantities)
         return tuple(
@@ -271,8 +271,8 @@ class Data(Logs):
 
     @property
     def quantities(self) -> tuple[str, ...]:
-        """Names of all quantities of the samples: from columns and joined logs, set at files, and
-        derived.
+        """Names of all quantities that the samples have. They come from columns and joined logs,
+        are set for whole files, or are derived.
         """
         beside = (
             name for entry in self.files if isinstance(entry, FileEntry) for name in entry.set
@@ -282,15 +282,15 @@ class Data(Logs):
 
     @property
     def sources(self) -> dict[str, set[str]]:
-        """Quantities from which each derived quantity is computed, by its name."""
+        """For each derived quantity, by its name: the quantities from which it is computed."""
         return {
             name: {*parse(rule).names} if isinstance(rule, str) else {rule.source}
             for name, rule in self.derive.items()
         }
 
     def computed_from(self, *names: str) -> set[str]:
-        """Return the derived quantities that are computed from any of `names`, also through other
-        derived quantities.
+        """Return the derived quantities that are computed from any of the quantities `names`,
+        directly or by way of other derived quantities.
         """
         made, sources = {*names}, self.sources
         while more := {name for name, of in sources.items() if of & made} - made:

@@ -1,5 +1,5 @@
-"""Define the `dictionary` section of a spec: kinds of candidate terms, with and without memory. In
-the code, a kind of term with its settings is called a family.
+"""Define the `dictionary` section of a spec, which lists kinds of candidate terms, with and without
+memory. In the code, the settings of a kind of terms are called a family.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ Count = Annotated[int, Field(ge=1, le=100)]
 
 
 class OperatorFamily(Section):
-    """States that one operator makes of some quantities. Training estimates the parameters that are
-    not given.
+    """Settings of an operator with memory, such as `slow` or `play`. The operator computes states
+    from some quantities; a state is a signal that can depend on past samples. If a parameter of the
+    operator is not given, training estimates it.
 
     - `of`: The quantities, or states such as `play(pressure, 0.16)`. Example: `[pressure]`
     """
@@ -38,8 +39,8 @@ class OperatorFamily(Section):
 
 
 def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
-    """Yield, for each family of operators, its key in a dictionary and the class of its settings.
-    Families whose settings have the same keys share a class.
+    """Yield the key of each operator in a dictionary, for example `slow`, and the class of its
+    settings. Operators whose settings have the same keys have the same class.
     """
     shapes: dict[tuple[Any, ...], list[str]] = {}
     for key, (operator, *_) in families().items():
@@ -64,7 +65,7 @@ def _about_family(key: str) -> str:
 
 
 def _about_numbers(operator: Operator, shape: tuple[Any, ...]) -> Iterator[str]:
-    """Yield the docstring lines that describe the keys made by `_number_fields`."""
+    """Yield lines of a docstring, which describe the keys that `_number_fields` makes."""
     for one in operator.parameters if shape else ():
         yield (
             f"- `{one.key}`: Parameter of each state; there are as many states as numbers. "
@@ -78,8 +79,8 @@ def _about_numbers(operator: Operator, shape: tuple[Any, ...]) -> Iterator[str]:
 
 
 def _number_fields(operator: Operator) -> dict[str, Any]:
-    """Return the fields in which the section of an operator has the values of its parameter. The
-    operator must have exactly one parameter.
+    """Return the fields for the parameter of an operator that has exactly one parameter: a list of
+    values and, if the operator can choose values itself, the number of values (`count`).
     """
     (one,) = operator.parameters
     lower = Field(ge=one.above) if one.or_zero else Field(gt=one.above)
@@ -97,8 +98,8 @@ FORMS: Mapping[str, type[OperatorFamily]] = dict(_forms())
 def numbers_of(
     name: str, family: OperatorFamily, step: float, longest: float
 ) -> Sequence[tuple[float, ...]]:
-    """Return the parameter values of each state of a family; an empty sequence if training
-    estimates them.
+    """Return the parameter values of each state that an operator makes. Return an empty sequence if
+    training estimates the parameters.
 
     `step` is the time between samples, s; `longest` is the duration of the longest piece of a
     recording, s.
@@ -150,8 +151,8 @@ Window = Annotated[int, Field(ge=1, le=1_000_000)]
 
 
 class AlongRange(Section):
-    """Functions of one input along its training range. Each function is a term, and so is its
-    product with each factor in `with`.
+    """Functions of one input that are defined by its training range. Each function is a candidate
+    term. The product of each function with each factor in `with` is a candidate term, too.
 
     - `of`: The input. Example: `strain`
     - `with`: The quantities by which each function is also multiplied. Example: `[pressure]`
@@ -162,7 +163,9 @@ class AlongRange(Section):
 
     @property
     def functions(self) -> list[str]:
-        """The functions as texts. A text in braces is replaced when the training range is known."""
+        """The functions as texts of expressions, for example `exp(-unit(strain/0.1))`. In
+        `unit(...)`, the input is replaced by its position in the training range, from 0 to 1.
+        """
         raise NotImplementedError
 
 
@@ -177,8 +180,8 @@ class Spline(AlongRange):
 
     @property
     def functions(self) -> list[str]:
-        """Powers of the input, and cubed distances from the knots. A fit with these distances is
-        better conditioned than a fit with truncated powers.
+        """Terms of the spline: powers of the input, and the cubed distances of the input from the
+        knots. With these distances, the fit is better conditioned than with truncated powers.
         """
         places = [round(place / (self.knots + 1), 4) for place in range(1, self.knots + 1)]
         return [
@@ -202,8 +205,8 @@ class Ends(AlongRange):
 
     @property
     def functions(self) -> list[str]:
-        """The exponentials that decay from the lower end, then the exponentials that decay from the
-        upper end.
+        """The exponentials as texts of expressions. For each width, the first decays from the lower
+        end of the training range, and the second from the upper end.
         """
         return [
             text
@@ -228,7 +231,9 @@ class SmoothSteps(AlongRange):
 
     @property
     def functions(self) -> list[str]:
-        """The steps, from the lower end of the range to the upper end."""
+        """The steps as texts of expressions, from the lower end of the training range to the upper
+        end.
+        """
         places = [round(place / (self.count - 1), 4) for place in range(self.count)]
         return [
             f"tanh(unit(({self.of} - {place})/{width}))"
@@ -253,8 +258,8 @@ class Products(Section):
 
     - `of`: The kinds of terms, or names of states. Example: `[{slow: {of: [pressure]}}, strain]`
     - `order`: Largest total degree of a product. Example: `2`
-    - `with`: Names that also stand in `of`. Each product then contains powers of these names and of
-      at most one other term, which keeps the number of products small. Example: `[strain]`
+    - `with`: Some of the names in `of`. Each product then consists of powers of these names and of
+      at most one other term. This keeps the number of products small. Example: `[strain]`
     - `constant`: If false, leave out the constant term. Example: `false`
     """
 
@@ -376,8 +381,8 @@ else:
 def entries_of(
     entries: Sequence[str | DictionaryEntry], loc: Loc = ("dictionary",)
 ) -> Iterator[tuple[Loc, str, Family]]:
-    """Yield the path, the name and the settings of every kind of term in a dictionary. Kinds of
-    terms inside products are included.
+    """Yield each entry of a dictionary: its path, the name of its kind of terms, and its settings.
+    Entries inside products are included.
     """
     for place, entry in enumerate(entries):
         if isinstance(entry, DictionaryEntry):
@@ -388,9 +393,10 @@ def entries_of(
 
 
 def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
-    """Yield every text in the settings of a kind of term (`family`) that names quantities or
-    states: its path, the text itself, and True if it is an expression or False if it is the name of
-    a state. `loc` is the path of the settings. Kinds of terms inside products are left out.
+    """Yield each text in the settings `family` of a kind of terms that contains names of quantities
+    or states. Yield its path, the text, and a flag: True if the text is an expression, False if it
+    is the name of a state. `loc` is the path of the settings. Kinds of terms inside products are
+    left out.
     """
     if isinstance(family, list):
         yield from (((*loc, place), text, True) for place, text in enumerate(family))
@@ -412,9 +418,9 @@ STATIC = ("polynomial", "terms", "products", "spline", "ends", "steps")
 
 
 def timed_terms(dictionary: Sequence[DictionaryEntry]) -> tuple[str, ...]:
-    """Return the kinds of terms and the states that need equal time steps, because they count
-    samples (as lags do) or use the time between them (as `slow` does). Kinds of terms that are not
-    returned, such as `play`, need only the order of the samples.
+    """Return the names of the kinds of terms, and of the states, for which time steps must be
+    equal. They count samples (as `lags` do), or use the time between samples (as `slow` does).
+    Other kinds of terms, such as `play`, need only the order of the samples.
     """
     found: dict[str, None] = {}
     for loc, name, family in entries_of(dictionary):
@@ -428,7 +434,9 @@ def timed_terms(dictionary: Sequence[DictionaryEntry]) -> tuple[str, ...]:
 
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:
-    """Return True if any term needs more of a recording than the present sample."""
+    """Return True if any term has memory: it needs other samples of a recording than the present
+    one.
+    """
     return any(
         name not in STATIC
         or getattr(family, "window", None)
@@ -452,8 +460,8 @@ def _names_of(loc: Loc, family: Family) -> Iterator[str]:
 
 
 def names_in(text: str) -> frozenset[str]:
-    """Return the quantities and states in an expression or in the name of a state. The result is
-    empty for a malformed text, which another check reports.
+    """Return the names of the quantities and states in a text, which is an expression or the name
+    of a state. If the text cannot be read, the result is empty, because another check reports this.
     """
     try:
         return frozenset(parse(text).names)

@@ -107,8 +107,8 @@ TableOfFile = Annotated[Annotated[int, Field(ge=1, le=10_000)] | Literal["map"],
 
 
 def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None:
-    """Return a description of the fault in a format of time stamps, and the remedy. A format is
-    faulty if `strptime` cannot read it, or if it is ambiguous. Return None if there is no fault.
+    """Return a description of the fault in a format of time stamps, and the remedy. Return None if
+    the format is correct. A format is faulty if `strptime` cannot read it, or if it is ambiguous.
     """
     remedy = f"write it, for example, as {FORMAT}"
     if in_parts:
@@ -117,7 +117,7 @@ def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None
             "`%Y-%m-%d`"
         )
     try:
-        # `strptime` warns about a day without a year, which is no fault here
+        # here, it is no fault if a format has a day but no year, about which `strptime` warns
         with catch_warnings(action="ignore"):
             datetime.strptime(datetime(2026, 3, 1).strftime(text), text)
     except (ValueError, re.error) as fault:
@@ -183,20 +183,24 @@ class SourceColumn(Section):
 
     @property
     def _formats(self) -> Sequence[str]:
-        """Format of each column of the clock, in the order of `places`."""
+        """Format of each column of a clock whose parts are in several columns, in the order of
+        `places`.
+        """
         if isinstance(self.format, list):
             return self.format
         return self.format.split() if self.format and self.columns else [self.format or ""]
 
     @property
     def formats(self) -> dict[str | int, str]:
-        """Format of each column whose cells are time stamps."""
+        """Formats of time stamps, by column. Columns that contain plain numbers are left out."""
         pairs = zip(self.places, self._formats, strict=False)
         return {place: text for place, text in pairs if "%" in text and text not in CODES}
 
     @property
     def units_of_parts(self) -> dict[str | int, str]:
-        """Unit of each part of a clock. Time stamps are converted to seconds."""
+        """Unit of each part of a clock, by column. It is `s` for a part that consists of time
+        stamps, because they are converted to seconds.
+        """
         pairs = zip(self.columns, self._formats, strict=False)
         return {place: CODES.get(text, "s" if "%" in text else text) for place, text in pairs}
 
@@ -244,10 +248,11 @@ CODES = {"%H": "h", "%M": "min", "%S": "s"}
 
 
 class FileEntry(Section):
-    """Files, and facts about them that no column holds.
+    """Files, with settings and values that apply to these files only.
 
     - `path`: Path of the files, with wildcards. Example: `cycle_*.csv`
-    - `set`: Quantities that have one value in these whole files. Example: `{pressure: 2 bar}`
+    - `set`: Quantities that have the same value in all samples of these files. Example: `{pressure:
+      2 bar}`
     - `id`: Id of the recording, if `path` matches one file only. Example: `first`
     - `sheet`: Sheet to read, if the files are workbooks. Example: `Data`
     - `table`: Which table to read if a file holds several tables below each other or side by side,
@@ -318,8 +323,8 @@ class Logs(Section):
     every: Annotated[int, Field(ge=1, le=1_000_000_000)] = 1
 
     def clocks(self) -> frozenset[str | int]:
-        """Return the columns whose cells may be time stamps: the column of `time`, unless another
-        quantity uses the same column.
+        """Return the columns that may contain time stamps. These are the columns of `time`, except
+        a column from which another quantity is read.
         """
         others = {at for name, one in self.columns.items() if name != "time" for at in one.places}
         return frozenset({at for one in self.columns.values() for at in one.places} - others)
@@ -416,8 +421,9 @@ class Join(Logs):
     """A second log of the same tests. The quantities of the second log are added to the samples of
     the first log.
 
-    Samples at times outside the second log count as missing. A single file is joined to all
-    recordings; several files are paired with the files of `data.files` in their order.
+    At times outside the second log, the values of its quantities are missing. A single file is
+    joined to all recordings; several files are paired with the files of `data.files` in their
+    order.
 
     - `on`: How the logs are joined. `time` interpolates the second log linearly, after `shift` was
       added to its time. `row` pairs the rows by their number. Example: `row`
@@ -426,8 +432,8 @@ class Join(Logs):
       error if the estimate is uncertain. Example: `120 ms`
     - `match`: The two quantities from which `shift: auto` estimates the shift. Example: `{first:
       pressure, second: valve}`
-    - `max_gap`: Longest gap of the second log that is interpolated, for `on: time` only. Samples
-      within a longer gap count as missing. Example: `0.1 s`
+    - `max_gap`: Longest gap of the second log that is interpolated, for `on: time` only. In a
+      longer gap, the values are missing. Example: `0.1 s`
     """
 
     on: Literal["time", "row"] = "time"

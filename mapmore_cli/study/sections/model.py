@@ -62,7 +62,8 @@ class OwnFormula(Section):
     parameters: Annotated[dict[Quantity, FormulaParameter], Field(min_length=1)]
 
     def definition(self, units: Mapping[str, str]) -> str:
-        """Return the formula in a model's `units` as a definition that no longer needs the spec.
+        """Return the formula as a text (a definition) that can be used without the spec. Its
+        quantities are in the `units` of the model.
 
         Raises ExpressionError for a malformed expression, SpecError for a wrong unit, and
         ValueError if the formula is nonlinear in a parameter that has no bounds.
@@ -96,8 +97,8 @@ class OwnFormula(Section):
 class Needs(Settings):
     """Specs of the runs on which this run builds.
 
-    - `static`: The run with the static model. It is subtracted to obtain the damping force, or is a
-      part of the sum. Example: `static.yaml`
+    - `static`: The run with the static model. The static model is subtracted from the force to
+      obtain the damping force, or is a part of the sum. Example: `static.yaml`
     - `damping`: The run with the damping model, which is added to the static model. Example:
       `damping.yaml`
     """
@@ -176,7 +177,7 @@ def refuse_mixed(parts: Sequence[Summand]) -> None:
 
 if TYPE_CHECKING:
     ModelType = str
-else:  # the types of mapmore itself, and the kinds of models that plugins add
+else:  # names of mapmore's own types of models, and of the types that plugins add
     ModelType = Literal[(*kinds.OWN_TYPES, *sorted(plugins.entry_points("kinds")))]
 
 

@@ -40,7 +40,7 @@ OF_PATHS = ("needs.static", "needs.damping", "data.files")
 
 
 def _with_paths(settings: Mapping[str, Any], change: Callable[[str], object]) -> dict[str, Any]:
-    """Return settings of a spec with `change` applied to every value that is a path."""
+    """Return settings of a spec in which each path `p` is replaced by `change(p)`."""
 
     def changed(value: object) -> object:
         if isinstance(value, list):
@@ -218,8 +218,8 @@ class PublishedScores(Section):
     - `source`: Where the numbers were printed. Example: `M2 table 5`
     - `nrmse`: NRMSE of each model, as fractions. Example: `{sarosi: 0.021}`
     - `rmse`: RMSE of each model. Example: `{sarosi: 12.5}`
-    - `rmse_at_least`: Lower bound of the RMSE, for models of which the publication prints no more
-      than that. Example: `{sarosi: 10}`
+    - `rmse_at_least`: Lower bound of the RMSE, for each model for which the publication prints only
+      a bound. Example: `{sarosi: 10}`
     """
 
     source: str

@@ -48,8 +48,8 @@ class Holdout(Section):
 
     - `files`: Hold out the files with these names (with wildcards). Example: `["*_take2.csv"]`
     - `recordings`: Hold out the recordings with these ids (with wildcards). Example: `["log#2"]`
-    - `last`: Hold out this share of every recording, at its end. Pieces between gaps count as one
-      recording. Example: `0.3`
+    - `last`: Hold out this share of every recording, at its end. A recording that is cut at gaps is
+      treated as one recording. Example: `0.3`
     - `last_cycles`: Hold out this share of the cycles of every recording, at its end. It needs
       `of`. Example: `0.5`
     - `of`: The quantity whose rises and falls are the cycles of `last_cycles`. Example: `pressure`
@@ -107,10 +107,10 @@ class Split(Section):
     With cross-validation (`leave_one_..._out`), the saved model is fitted to all data.
 
     - `validate`: The samples that are held out. Example: `{pressure: [250]}`
-    - `leave_one_level_out`: If true, leave out each level once, fit the others and predict the
-      level that was left out. Example: `true`
-    - `leave_one_group_out`: If true, leave out each group of `data.groups` once, fit the others and
-      predict the group that was left out. Example: `true`
+    - `leave_one_level_out`: If true, leave out each level once, fit a model to the other levels,
+      and predict the level that was left out. Example: `true`
+    - `leave_one_group_out`: If true, leave out each group of `data.groups` once, fit a model to the
+      other groups, and predict the group that was left out. Example: `true`
     - `structure_seen`: Set this to true if you chose the structure of the model with the data that
       are held out. The verdict of the run then says so first, because the held-out scores are too
       optimistic. Example: `true`
