@@ -17,7 +17,7 @@ from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import convert
 
 REPEATS = "time stamps repeat"
-# # largest fraction of samples that is removed because their stamps are wrong (`glitches: drop`);
+# largest fraction of samples that is removed because their stamps are wrong (`glitches: drop`);
 # if more samples are affected, the clock was probably set back, and all samples are kept
 MOST_GLITCHES = 0.01
 # without `gaps` in the spec, a gap longer than this multiple of the usual step gets a warning

@@ -151,7 +151,7 @@ class LevelSet:
         """
         level = float(self.at[np.argmin(np.abs(self.at - value))])
         distance = 2 * default_within(self.at) if len(self.at) > 1 else abs(level)
-        # # the tolerance 1e-12 accepts a value whose distance is exactly a quarter, despite
+        # the tolerance 1e-12 accepts a value whose distance is exactly a quarter, despite
         # rounding errors
         reach = MEANT * distance + 1e-12 * abs(value)
         return level if abs(level - value) <= reach else None

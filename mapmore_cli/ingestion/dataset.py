@@ -275,7 +275,7 @@ def _losses(recording: Recording) -> Iterator[str]:
         )
 
 
-# # smallest and largest magnitude of a quantity; powers of smaller values underflow, and powers of
+# smallest and largest magnitude of a quantity; powers of smaller values underflow, and powers of
 # larger values overflow
 LEAST, MOST = (
     1e-30,

@@ -23,7 +23,7 @@ MOST_FOLDERS = 20_000
 computer.
 """
 
-SHOWN = 4  # # largest number of folder names that a warning lists
+SHOWN = 4  # largest number of folder names that a warning lists
 
 
 def is_file_named(name: str, pattern: str, folder: Path) -> bool:
@@ -177,7 +177,7 @@ def relative_name(path: Path, folder: Path) -> str:
     """Return the POSIX path relative to `folder`. This relative path is the same on every machine
     that has the same tree of folders.
     """
-    # # the quick case: for a path inside `folder`, this takes a tenth of the time of `_way_to`
+    # the quick case: for a path inside `folder`, this takes a tenth of the time of `_way_to`
     with suppress(ValueError):
         inside = path.relative_to(folder)
         if ".." not in inside.parts:

@@ -73,7 +73,7 @@ def _conditions(
         yield np.concatenate([part.behind(1 - choice.last) for part in parts])
     if choice.last_cycles is not None and choice.of is not None:
         yield _last_cycles(parts, choice.of, choice.last_cycles)
-    # # `fraction` of the number of samples is rounded to a whole number
+    # `fraction` of the number of samples is rounded to a whole number
     if choice.fraction is not None:
         drawn = np.random.default_rng(choice.seed or 0).permutation(sum(sizes))[
             : round(choice.fraction * sum(sizes))

@@ -82,6 +82,6 @@ def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[s
         return np.full(curve.size, rule)
     if is_quantity(rule):
         return np.abs(curve.columns[name]) * convert(split_quantity(rule)[0], "%", "1")
-    # # if the column of standard deviations has no unit, its unit is that of the quantity
+    # if the column of standard deviations has no unit, its unit is that of the quantity
     unit = units[name] if units[rule] == "1" else units[rule]
     return convert(curve.columns[rule], unit, units[name], difference=True)
