@@ -127,7 +127,7 @@ def _found_shift(
         raise DataError(
             f"no shift can be found from {pair}, because one of them never changes", others
         )
-    #  # the shift is printed with one decimal more than its uncertainty justifies
+    # the shift is printed with one decimal more than its uncertainty justifies
     value = f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
     best = f"{value} {units['time']} (correlation of their changes {found.correlation:.3f})"
     if found.lost_in_noise:
