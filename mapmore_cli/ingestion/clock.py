@@ -79,7 +79,8 @@ def without_glitches(samples: Samples, rule: str) -> Samples:
 
 
 def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
-    """Treat repeated time stamps as the spec says. Raises DataError for time that runs backwards.
+    """Treat repeated time stamps as the spec says, for example average their samples. Raises
+    DataError for time that runs backwards.
     """
     time = samples.columns["time"]
     resets = sampling.find_resets(time)

@@ -17,8 +17,7 @@ from mapmore_cli.pipeline.records import Sheet
 
 
 def names_of_points(model: Model) -> tuple[str, str, str]:
-    """Return the names of the three columns that a table of measured points for `adapt` must have.
-    """
+    """Return the names of the columns that a table of measured points for `adapt` must have."""
     return "pressure", "strain", model.output.name
 
 

@@ -39,8 +39,10 @@ def begins_like(reader: Reader, head: bytes) -> bool:
 
 
 def is_binary(head: bytes) -> bool:
-    """Return True if no text, in whatever encoding, begins with these bytes."""
-    filled = head.replace(b"\0", b"")  # UTF-16 has a NUL beside each plain character
+    """Return True if the first bytes of a file cannot be the beginning of a text in any encoding.
+    """
+    # NUL bytes are removed, because UTF-16 has one beside each ASCII character
+    filled = head.replace(b"\0", b"")
     return (
         b"\0" in head
         and not head.startswith(UTF_16)

@@ -26,7 +26,8 @@ BEGINS = b"\xd0\xcf\x11\xe0"
 BEGIN, END, SHEET, BOOL_OR_ERROR, FORMULA = 0x809, 0x0A, 0x85, 0x205, (0x06, 0x206, 0x406)
 ROW, COLUMNS, STYLE, FORMAT = 0x208, 0x7D, 0xE0, 0x41E
 NUMBERS, ROW_OF_NUMBERS = (0x203, 0x27E, *FORMULA), 0xBD
-IN_STREAM = 0xFFFFFFF0  # smallest sector number with a special meaning
+# numbers from this one on are no sectors: they mean, for example, the end of a chain
+IN_STREAM = 0xFFFFFFF0
 
 
 def facts_of(content: bytes, title: str) -> list[Fact]:
@@ -80,7 +81,9 @@ def _numbers(content: bytes) -> Sequence[int]:
 
 
 def _records(stream: bytes, place: int) -> Iterator[tuple[int, bytes]]:
-    """Yield the kind and the content of the records of one substream."""
+    """Yield the kind and the content of each record of one substream (the workbook or a sheet),
+    which begins at `place` in the stream.
+    """
     depth = 0
     while place + 4 <= len(stream):
         kind, length = unpack_from("<2H", stream, place)
