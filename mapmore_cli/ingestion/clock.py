@@ -30,11 +30,12 @@ Beyond both, a mistyped step would fill the memory.
 
 
 def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samples]:
-    """Return the samples in the order of time. As the spec says, they are cut at gaps and at the
-    points where the clock was set back, and resampled to equal time steps.
+    """Return a recording as a list of pieces, each with its samples in the order of time. As the
+    spec says, the recording is cut at gaps and at the points where the clock was set back, and the
+    pieces are resampled to equal time steps.
 
-    If a piece is shorter than the time step of `resample`, its result has no samples. Raises
-    DataError for faults that the spec does not allow to be corrected.
+    If a piece is shorter than the time step of `resample`, the resampled piece has no samples.
+    Raises DataError for faults that the spec does not allow to be corrected.
     """
     if "time" not in samples.columns:
         return [samples]

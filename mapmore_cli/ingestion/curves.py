@@ -195,8 +195,8 @@ class LevelPart:
 
 
 def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
-    """Return the levels in the spec. If the spec has none, return the values at which the quantity
-    dwells in all recordings together.
+    """Return the levels in the spec. If the spec says `at: auto`, return the values at which the
+    quantity was held constant in the recordings.
     """
     of = levels.of
     if levels.at == "auto":

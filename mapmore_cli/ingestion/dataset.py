@@ -53,8 +53,8 @@ from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.sections.logs import FileEntry
 
 BAD = "is left out as a bad file"
-FEW = 10  # warn if a recording has fewer samples left than this
-MUCH = 0.5  # warn if a recording loses more than this fraction of its samples
+FEW = 10  # a recording with fewer samples gets a warning
+MUCH = 0.5  # if more than this fraction of the samples is left out, a recording gets a warning
 
 
 def build_dataset(

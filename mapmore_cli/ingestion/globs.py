@@ -75,7 +75,8 @@ def expand(
                 f'the file name {name!r} must be one line of valid text without " ` $ < > \\',
                 "rename the file",
             )
-        # all files below /proc have size zero, and some of them never end
+        # empty files are refused; this includes the files below /proc, which have size zero,
+        # although some of them never end
         if path.stat().st_size == 0 and not may_be_empty:
             raise DataError(
                 f"{name}: is empty",

@@ -169,8 +169,8 @@ def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray
 
 
 def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> list[str]:
-    """Return a note for every level whose value is not written exactly in `split.validate`. For
-    example, 150 means the measured level 149.73.
+    """Return a note for every level that `split.validate` names by a rounded value, for example by
+    150 for the measured level 149.73.
     """
     if (
         choice is None

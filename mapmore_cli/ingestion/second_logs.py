@@ -1,4 +1,6 @@
-"""Add the quantities of second logs to recordings, by their clocks or row by row."""
+"""Join the logs of a second logger to recordings: add their quantities, either at equal times or
+row by row.
+"""
 
 from __future__ import annotations
 

@@ -254,7 +254,9 @@ def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
         slices = [run[stage].slice for run in runs if stage in run]
         for place, values in enumerate(slices):
             known = {key: values[key] for key in MADE_BY if key in values}
-            with suppress(ValidationError):  # a newer version may write unknown keys
+            # a record of a newer version may have keys that are unknown here; its settings are then
+            # compared as they are
+            with suppress(ValidationError):
                 known = recorded(made_by.model_validate_json(json.dumps(known)))
             slices[place] = known
         if len(slices) == 2:

@@ -20,8 +20,8 @@ NOT_SET = "not set"
 
 
 def recorded(part: object) -> dict[str, Any]:
-    """Return the part of a spec that a stage reads as JSON values. The keys are those of the YAML
-    file. `part` is a frozen dataclass, a model of a section of the spec, or a combination of both.
+    """Return `part`, the part of a spec that a stage reads, as JSON values. It is a dataclass or a
+    pydantic model, and may contain more of them. The keys are those of the YAML file.
     """
     values: dict[str, Any] = to_jsonable_python(part, by_alias=True)
     return values
@@ -52,7 +52,8 @@ def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[s
     """
     if old == new:
         return []
-    if not isinstance(old, dict):  # an edited record may contain anything
+    # somebody may have edited the record of the run, so that `old` may have any type
+    if not isinstance(old, dict):
         return list(_differences(stage, old, new))
     return [
         text

@@ -54,8 +54,8 @@ def is_foreign(path: Path, options: TableOptions) -> bool:
     reader = reader_of(path)
     is_text = reader is None or reader is READERS["csv"]
     head = head_of(path)
-    # a binary file of unknown format is included, because the reader then raises an error that
-    # says what is wrong with the file
+    # True also for a binary file of unknown format, because the reader raises an error that says
+    # what is wrong with it
     return not is_text or is_binary(head) or encoding_of(head).startswith("utf-16")
 
 

@@ -254,8 +254,8 @@ class LoadedModel:
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
         signals = self.model.signals
-        # the time and the sources of rates and directions may be passed, but are needed only to
-        # compute rates and directions that are not passed
+        # these inputs are allowed, but are not needed if the rates and directions themselves are
+        # passed
         spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()
         known = (
             {*columns} if "time" in columns else {*columns, *(signal.name for signal in signals)}

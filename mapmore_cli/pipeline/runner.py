@@ -205,7 +205,7 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
 
 
 def _from(run_dir: Path, path: Path) -> str:
-    """Return the path relative to the run folder. If they have only the root folder in common,
+    """Return `path` relative to the run folder. If both paths have only the root folder in common,
     return only the file name: the relative path would contain the names of private folders, and
     files of a run must not contain them.
     """

@@ -97,7 +97,7 @@ def segment_slice(spec: ExperimentSpec) -> ModelChoices:
 def segment(part: ModelChoices, workspace: Workspace) -> None:
     """Cut every training curve into segments over its own range, and write the boundaries. With
     `method: optimal`, boundaries are chosen by comparing the fits of the segments that they give.
-    If the model has a backbone, its residual is fitted there.
+    For a model with a backbone, the segments are fitted to the residual of the backbone.
     """
     from mapmore_cli.fitting.kinds.pieces import segmented
     from mapmore_cli.storage.artefacts import write_segmentation

@@ -43,7 +43,7 @@ class Needed:
 
     If the model of the other run is a part of this run's model, all stages of the other run are
     brought up to date, including its page. If the other run only serves as a competitor, or is a
-    variation of this run, only the stages up to its model are.
+    variation of this run, only the stages that make its model are brought up to date.
     """
 
     need: Need

@@ -145,12 +145,14 @@ def _clear_abandoned(path: Path) -> None:
     """Remove the unfinished files and folders for `path` that no process has locked."""
     name = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{12}}-{re.escape(path.name)}", re.DOTALL)
     found = list[str]()
-    with suppress(OSError):  # a folder that cannot be listed may still be writable
+    # if the folder cannot be listed, nothing is removed, but it may still be possible to write in
+    # it
+    with suppress(OSError):
         found = list(filter(name.fullmatch, os.listdir(path.parent)))  # noqa: PTH208
     for left in (path.parent / entry for entry in found):
         if (handle := _locked(left, patient=False)) is not None:
             try:
-                with suppress(OSError):  # remains of another user's processes stay
+                with suppress(OSError):  # files that belong to another user cannot be removed
                     remove(left)
             finally:
                 os.close(handle)
@@ -223,7 +225,7 @@ def _opened(path: Path, how: int, mode: str) -> IO[bytes]:
 
 @contextmanager
 def opened_special(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file for which `is_special` is True, and write into it."""
+    """Open a special file (`is_special`), such as a pipe, for writing."""
     with (
         refusals_told(path.parent),
         path.open("wb") if _is_of_system(path) else _opened(path, os.O_WRONLY, "wb") as stream,

@@ -73,10 +73,10 @@ def _run_with(path: Path) -> Path | None:
 
 
 def refuse_early(path: Path, chosen: bool = False) -> None:
-    """Raise WriteError if an output cannot be written. It is called before the command begins to
-    compute. An output cannot be written if it would replace a file that is still needed
-    (`refuse_needed`), or if its folder does not exist or cannot be written to. If mapmore has
-    `chosen` the name of the output, it cannot replace a file of somebody else either
+    """Raise WriteError if an output cannot be written. This function is called before a command
+    begins its computation. An output cannot be written if it would replace a file that is still
+    needed (`refuse_needed`), or if its folder does not exist or cannot be written to. If mapmore
+    has `chosen` the name of the output, it must not replace a file of somebody else either
     (`refuse_foreign_file`).
 
     The output is noted, so that `note_read` raises an error if the command later reads this file.
@@ -143,13 +143,17 @@ def written_as_text(path: Path) -> Iterator[TextIO]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file that the user has named, as a whole, as `written` does."""
+    """Write `data` to a file that the user has named. An old file is replaced as a whole, as in
+    `written`.
+    """
     with written(path) as file:
         file.write(data)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 file that the user has named, as a whole, with the line ends of `text`."""
+    """Write `text`, with its own line ends, to a UTF-8 file that the user has named. An old file is
+    replaced as a whole.
+    """
     write_bytes(path, text.encode())
 
 

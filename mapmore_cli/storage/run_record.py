@@ -158,9 +158,10 @@ class Origin:
     settings: tuple[str, ...] = ()
 
     def rival_of(self, other: Origin, run_dir: Path) -> str | None:
-        """Return the file from which the `other` origin makes a run of the same name in the same
-        folder: another spec, or a campaign with other settings. Return None if both origins are
-        compatible, or if this file does not exist any more.
+        """Return the spec or the campaign that conflicts with this origin, as a path relative to
+        the run's folder. `other` is the origin of a run that already has the same name and the same
+        folder. There is a conflict if it names another spec, or a campaign with other settings.
+        Return None without a conflict, or if the other file does not exist any more.
         """
         if other.spec != self.spec:
             return other.spec if (run_dir / other.spec).is_file() else None

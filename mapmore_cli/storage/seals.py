@@ -47,13 +47,13 @@ class Answer(TypedDict):
 
 
 class Sealed(TypedDict):
-    """Contents of a seal. They say that a run is up to date as long as its files are unchanged.
+    """Contents of a seal, which states that a run is up to date as long as its files are unchanged.
 
     - `question`: what was requested (spec and options), and the version of the program, as JSON
       values.
     - `texts`: SHA-256 of the specs, by path relative to the run's folder.
     - `files`: states of sources and results (`state_of`), by path relative to the run's folder.
-    - `answer`: results of the run, which are returned if all of this is unchanged.
+    - `answer`: results of the run, which are used again if the other three are unchanged.
     """
 
     question: object

@@ -1,4 +1,6 @@
-"""Rebuild records from a document and its arrays, checked by their type hints."""
+"""Build records, for example models, from the JSON document and the arrays of a result file. Each
+value is checked against its type hint.
+"""
 
 from __future__ import annotations
 

@@ -3,8 +3,8 @@ hostile contents.
 
 An HDF5 file can refer to other files of the computer, or to one object a million times, and a
 kilobyte on the disk can become gigabytes in memory. The files of a run are plain trees of arrays.
-Therefore, a file is checked before any value is read, and everything else in it is refused with its
-name.
+Therefore, a file is checked before any value is read. If it contains anything else, an error names
+it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Readers of recordings: each module in this folder reads one format. A new format is added by a
-module with a `READER`.
+"""Read recordings: each module in this folder reads one format. A new format is added by a module
+with a `READER`.
 
 The declaration `READER` (of the type `Reader`) determines all of the following: the value of
 `data.reader`, the keys of the spec that apply to the format, the suffixes of its files, which are

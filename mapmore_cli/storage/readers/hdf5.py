@@ -178,7 +178,7 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
         own = _own_values(dataset, selection)
         values = own if field is None else own.fields(field)
         if kind.kind != "O" or not dataset.shape:
-            # h5py reads a text without axes as bytes
+            # this includes a single text (an array without axes), which h5py returns as bytes
             return _written(dataset, selection, np.asarray(values[selection]))
         if h5py.check_string_dtype(kind):
             return _texts(dataset, values)[selection]

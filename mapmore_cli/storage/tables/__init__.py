@@ -204,7 +204,7 @@ class RawTable:
         return f"{self.label}:{self.place} {self.rows[sample]}"
 
     def is_empty_at(self, sample: int) -> bool:
-        """Return True if a sample has no value at all, or if there is no sample."""
+        """Return True if all values of a sample are missing, or if the table has no samples."""
         return not self.size or all(x[sample] != x[sample] for x in self.columns.values())
 
 

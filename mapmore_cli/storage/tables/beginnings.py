@@ -39,8 +39,7 @@ def begins_like(reader: Reader, head: bytes) -> bool:
 
 
 def is_binary(head: bytes) -> bool:
-    """Return True if the first bytes of a file cannot be the beginning of a text in any encoding.
-    """
+    """Return True if the first bytes of a file, `head`, cannot begin a text in any encoding."""
     # NUL bytes are removed, because UTF-16 has one beside each ASCII character
     filled = head.replace(b"\0", b"")
     return (

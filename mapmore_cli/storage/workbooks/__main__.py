@@ -84,7 +84,7 @@ def _facts(path: Path, title: str) -> list[Fact]:
 
 
 def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], list[int]]:
-    """Return the indices of the hidden rows and of the hidden columns that contain `cells`."""
+    """Return the indices of the hidden rows and of the hidden columns among those of `cells`."""
     height, width = len(cells), max(map(len, cells), default=0)
     rows, columns = set[int](), set[int]()
     for top, first, bottom, last, said in facts:

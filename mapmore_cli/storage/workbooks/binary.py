@@ -1,8 +1,9 @@
 """Extract facts about cells, for example errors, from workbooks of older programs (.xls). The
 values of the cells are read elsewhere.
 
-The records of a sheet (BIFF) are a stream in a file of sectors, which are chained by a table
-([MS-CFB], [MS-XLS]).
+An .xls file is divided into sectors of equal size. A table gives the next sector of each sector, so
+that chains of sectors form streams ([MS-CFB]). One stream consists of the records of the workbook
+and its sheets ([MS-XLS]).
 """
 
 from __future__ import annotations
@@ -41,7 +42,9 @@ def facts_of(content: bytes, title: str) -> list[Fact]:
 
 
 def _stream(content: bytes) -> bytes:
-    """Return the stream of an .xls file that holds the records of the workbook."""
+    """Return the bytes of the stream, in an .xls file, that consists of the records of the
+    workbook.
+    """
     size, small = 1 << unpack_from("<H", content, 30)[0], 1 << unpack_from("<H", content, 32)[0]
     directory, _, limit, small_table, _, more = unpack_from("<6I", content, 48)
     places = list(unpack_from("<109I", content, 76))

@@ -90,8 +90,8 @@ def _records(content: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _length(content: bytes, place: int) -> tuple[int, int]:
-    """Return the length of a record that is encoded at a position, and the position after the
-    length.
+    """Decode the length of a record, which is stored at a position. Return the length and the
+    position after it.
     """
     length = 0
     for number in range(4):
