@@ -24,8 +24,9 @@ MOST_GLITCHES = 0.01
 CONSPICUOUS = 10
 
 MOST_SAMPLES, MOST_TIMES = 10_000_000, 100
-"""Largest number of samples of a resampled recording, and its largest ratio to the measured number.
-Beyond both, a mistyped step would fill the memory.
+"""Limits for resampling: a number of samples, and a ratio of this number to the measured number of
+samples. If a resampled recording exceeds both, an error is raised, because the step is probably
+mistyped and the samples would fill the memory.
 """
 
 
@@ -54,17 +55,18 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samp
 
 
 TURNS = (3600.0, 86400.0)
-"""Times after which clocks restart, s. A clock that shows minutes restarts after an hour, and one
-that shows the time of day at midnight.
+"""Times in s after which clocks restart. A clock that shows only minutes and seconds restarts after
+an hour; a clock that shows the time of day restarts at midnight.
 """
 
 NEAR_TURN = 0.9
-"""Smallest step backwards that counts as a restart, as a fraction of the time after which the clock
-restarts. The step can be smaller than the whole time, because the log may have paused.
+"""Smallest step backwards that is regarded as a restart of the clock, as a fraction of the time
+after which the clock restarts. The step can be smaller than this time, because the log may have
+paused at the restart.
 """
 
 SHORT_TURNS = (1.0, 60.0)
-"""Times at which columns of milliseconds and of seconds restart, s."""
+"""Times in s after which a column of milliseconds (1 s) and a column of seconds (60 s) restart."""
 
 
 def without_glitches(samples: Samples, rule: str) -> Samples:

@@ -42,8 +42,9 @@ PLATEAU = "plateau"
 """Column that is 1 on the plateau of a step response, and 0 elsewhere."""
 
 MOSTLY = 0.9
-"""Share of the samples of a plateau that must lie outside the training range for a warning. At the
-highest level, noise alone puts half of them outside.
+"""A warning is raised if more than this fraction of the samples on a plateau lies outside the
+training range. The limit is high, because at the highest level, noise alone puts half of the
+samples outside.
 """
 
 Plateau = Literal["auto"] | tuple[float, float]

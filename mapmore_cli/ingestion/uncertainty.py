@@ -18,8 +18,8 @@ from mapmore_cli.study.units import convert, is_quantity, split_quantity
 Rule = float | str | dict[str, float]
 
 LEAST = 1e-3
-"""Smallest uncertainty of a sample, as a fraction of the median uncertainty of its curve. With a
-smaller one, the sample would have the weight of a million others.
+"""Smallest uncertainty of a sample that is accepted, as a fraction of the median uncertainty of its
+curve. A sample with a smaller uncertainty would have the weight of a million other samples.
 """
 
 

@@ -37,7 +37,9 @@ from mapmore_cli.pipeline.records import (
 )
 
 CHUNK = 20_000
-"""Rows in memory at a time, if rows are independent."""
+"""Number of rows that are in memory at a time, if the prediction of a row does not depend on other
+rows.
+"""
 
 FLAG = "outside_range"
 

@@ -105,8 +105,8 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
 
 
 _shared: object = None
-"""In a worker process: the function and the items of the work, which it has from the parent
-process.
+"""In a worker process: the function and the items of `shared_out`, which the parent process has
+passed on. In other processes: None.
 """
 
 

@@ -28,7 +28,8 @@ RECORDING = "recording"
 """Column that distinguishes recordings, if a table has it."""
 
 GAP = 10
-"""Multiple of the usual time step. A longer step is a gap, and the past before a gap is not used.
+"""A time step that is longer than this multiple of the usual time step is a gap. For predictions
+after a gap, samples before it are not used.
 """
 
 
@@ -244,7 +245,9 @@ class Sheet:
 
 EXAMPLE = "write it as pressure=0:600:25,strain=0:0.25:0.01 (first:last:step, or one value)"
 MOST_POINTS = 10_000_000
-"""Largest number of points of a grid; more are probably a mistyped step."""
+"""Largest number of points of a grid. A grid with more points is refused, because a step is
+probably mistyped.
+"""
 
 
 def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:

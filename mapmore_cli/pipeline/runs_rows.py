@@ -16,7 +16,9 @@ from mapmore_cli.storage.atomic import content_of
 
 PAGE = "index.html"
 MARK = '<script type="application/json" id="runs">'
-"""Text before the rows in a page of all runs. A page without it belongs to the user."""
+"""Text that stands before the rows in the page of all runs. If a page does not contain this text,
+mapmore did not write it.
+"""
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from mapmore_cli.study.sections.results import Competitor
 from mapmore_cli.study.yaml_dumper import as_overrides
 
 MODEL_STAGE = "fuse"
-"""Stage after which a run has the model that others read."""
+"""Stage that writes the model, which other runs may need."""
 
 
 def pipeline(searched: bool = False) -> tuple[Stage, ...]:
@@ -133,10 +133,13 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
 
 
 SHORT_MARK = 12
-"""Digits of another run's fingerprint that a reason shows."""
+"""Number of digits of another run's fingerprint that are shown in the reason why a stage must run.
+"""
 
 LONGEST_REASON = 6
-"""Largest number of changes that a reason lists; more are counted."""
+"""Largest number of changes that are listed in the reason why a stage must run. Of further changes,
+only the number is given.
+"""
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ WRITTEN = ".mapmore-files"
 """File with the SHA-256 of the files in its folder whose names mapmore has chosen, by name."""
 
 WRITABLE = 0o222
-"""Permissions of which a read-only file has none."""
+"""Permissions to write (owner, group and others). A file with none of them is read-only."""
 
 
 def refuse_needed(path: Path) -> None:

@@ -18,11 +18,13 @@ from typing import TypedDict
 from mapmore_cli.storage.atomic import content_of, write_own
 
 SEAL = ".seal"
-"""File in the run folder with the seal. If it is lost, the run is only planned again."""
+"""File in the run folder that contains the seal. If it is lost, nothing else happens than that the
+run is planned again.
+"""
 
 REVISION = 2
-"""Number that is raised when `Answer` has other keys, so that runs with an older seal are
-planned.
+"""Version of the contents of a seal. It is raised when `Answer` gets other keys, so that runs with
+an older seal are planned again.
 """
 
 

@@ -25,7 +25,7 @@ GET_SAMPLES = "Get the file again, or leave it out, because a recording needs sa
 """What to do with a file that holds no samples."""
 
 WhichTable = int | Literal["map"]
-"""The number of a table in a file with several, or `map`."""
+"""Number of the table to read in a file with several tables, or `map` for a map of cells."""
 
 
 @dataclass(frozen=True)
@@ -343,8 +343,9 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
 
 
 BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
-"""Unpacked size in bytes above which the compression ratio is checked, and the largest ratio that
-is allowed. Logs shrink to a tenth, or to a fiftieth at most.
+"""If data unpack to more than `BOMB_SIZE` bytes, their compression ratio is checked: it must be at
+most `BOMB_RATIO`. Recordings are usually compressed to a tenth, and at most to a fiftieth, of their
+size.
 """
 
 

@@ -32,12 +32,14 @@ machine.
 """
 
 CHUNK = 1 << 20
-"""Bytes that are read at a time. If one line among them is irregular, all of them are read record
-by record.
+"""Number of bytes that are read at a time. If one of the lines in them is irregular, PyArrow cannot
+be used, and all of these lines are read record by record.
 """
 
 LAST_LINES = 50
-"""Number of lines at the end of a text with which its last line is compared."""
+"""Number of lines at the end of a text that are compared with each other, to find out whether the
+last of them is incomplete.
+"""
 
 KEPT = 1 << 16
 """Number of bytes before the current position that stay in the buffer, so that the last line can be
@@ -49,8 +51,8 @@ LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n)")
 TEXT_ERRORS = "surrogateescape"
 
 PADDING = b"\0\x1a"
-"""Padding after the text of a file: space that a logger reserved and did not use is NUL, and texts
-of DOS programs end with Ctrl-Z.
+"""Fill characters (padding) that may follow the text of a file. Space that a logger has reserved
+and not used is filled with NUL, and texts of DOS programs end with Ctrl-Z.
 """
 
 UNREADABLE = (OSError, EOFError, zlib.error, lzma.LZMAError)
@@ -272,10 +274,12 @@ _PAIRS = {
     "gb18030": (rb"[\xa1-\xf7][\xa1-\xfe]", rb"[\xb0-\xd7]."),
     "shift_jis": (rb"[\x81-\x9f][\x40-\x7e\x80-\xfc]", rb"[\x82-\x9f]."),
 }
-"""Pairs of bytes that are one character in texts in which all other characters are ASCII, and
-frequent letters among them. A text in a European language has single bytes above 0x7f; two small
-letters with accents in a row look like a rare Chinese letter, and the apostrophe of Windows with
-the letter behind it looks like a Japanese one.
+"""For two encodings: a pattern of two bytes that form one character, and a pattern of those pairs
+that are frequent letters. All other characters of the texts are ASCII.
+
+The frequent letters distinguish these texts from texts in European languages. There, bytes above
+0x7f usually stand alone. But two small letters with accents in a row look like a rare Chinese
+letter, and the apostrophe of Windows with the letter after it looks like a Japanese letter.
 """
 
 

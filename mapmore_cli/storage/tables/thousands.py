@@ -19,12 +19,12 @@ whole number.
 """
 
 ENOUGH = 100
-"""If this many numbers such as 23.000 come before the first whole number, the program that wrote
-the file keeps zeros at the end.
+"""If more than this many numbers such as 23.000 come before the first whole number without
+decimals, the program that wrote the file keeps zeros at the end, and the point is a decimal point.
 """
 
 BLOCK = 10_000
-"""Count of numbers of a column that are checked at a time."""
+"""Number of values of a column that are checked at a time."""
 
 
 def may_be_grouped(values: Array) -> bool:

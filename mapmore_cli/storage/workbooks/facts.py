@@ -8,8 +8,9 @@ import re
 from collections.abc import Iterable, Iterator
 
 Fact = tuple[int, int, int, int, str]
-"""First row and column, last row and column (0-based), and a fact about these cells: the text of an
-error, `NEVER_COMPUTED`, `PERCENT`, `HIDDEN`, or an empty text for merged cells.
+"""A fact about a range of cells: its first row and column, its last row and column (0-based), and
+the fact itself. The fact is the text of an error, `NEVER_COMPUTED`, `PERCENT`, `HIDDEN`, or an
+empty text for merged cells.
 """
 
 NEVER_COMPUTED = "="

@@ -29,8 +29,8 @@ OF_ODS = re.compile(
     rb"formula=|value-type=\"(?:error|percentage)|spanned=|>Err:|>#|"
     rb"visibility=\"(?:collapse|filter)"
 )
-"""Pattern of text that occurs in sheets with such facts. All other sheets, which are the majority,
-need not be parsed.
+"""Pattern of texts that occur only in documents with facts about cells. Most documents contain none
+of these texts, and need not be parsed.
 """
 
 ERROR = re.compile(r"#\w[\w/]*[!?]?|Err:\d+")
