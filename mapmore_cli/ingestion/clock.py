@@ -17,23 +17,26 @@ from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.units import convert
 
 REPEATS = "time stamps repeat"
-# glitches are removed only up to this share of the samples; otherwise the clock was set back
+# largest fraction of samples that is removed because their stamps are wrong (`glitches: drop`);
+# if more samples are affected, the clock was probably set back, and all samples are kept
 MOST_GLITCHES = 0.01
 # without `gaps` in the spec, a gap longer than this multiple of the usual step gets a warning
 CONSPICUOUS = 10
 
 MOST_SAMPLES, MOST_TIMES = 10_000_000, 100
-"""Largest number of samples of a resampled recording, and its largest ratio to the measured number.
-Beyond both, a mistyped step would fill the memory.
+"""Limits for resampling: a number of samples, and a ratio of this number to the measured number of
+samples. If a resampled recording exceeds both, an error is raised, because the step is probably
+mistyped and the samples would fill the memory.
 """
 
 
 def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samples]:
-    """Return the samples in the order of time, cut at gaps and where the clock was set back, and
-    resampled to equal steps, as the spec says.
+    """Return a recording as a list of pieces, each with its samples in the order of time. As the
+    spec says, the recording is cut at gaps and at the points where the clock was set back, and the
+    pieces are resampled to equal time steps.
 
-    A piece that is shorter than a time step of `resample` has no samples. Raises DataError for
-    faults that the spec does not allow to be corrected.
+    If a piece is shorter than the time step of `resample`, the resampled piece has no samples.
+    Raises DataError for faults that the spec does not allow to be corrected.
     """
     if "time" not in samples.columns:
         return [samples]
@@ -52,22 +55,24 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samp
 
 
 TURNS = (3600.0, 86400.0)
-"""Times after which clocks restart, s. A clock that shows minutes restarts after an hour, and one
-that shows the time of day at midnight.
+"""Times in s after which clocks restart. A clock that shows only minutes and seconds restarts after
+an hour; a clock that shows the time of day restarts at midnight.
 """
 
 NEAR_TURN = 0.9
-"""Smallest step backwards that counts as a restart, as a fraction of the time after which the clock
-restarts. The step can be smaller than the whole time, because the log may have paused.
+"""Smallest step backwards that is regarded as a restart of the clock, as a fraction of the time
+after which the clock restarts. The step can be smaller than this time, because the log may have
+paused at the restart.
 """
 
 SHORT_TURNS = (1.0, 60.0)
-"""Times at which columns of milliseconds and of seconds restart, s."""
+"""Times in s after which a column of milliseconds (1 s) and a column of seconds (60 s) restart."""
 
 
 def without_glitches(samples: Samples, rule: str) -> Samples:
-    """Remove the smallest number of samples so that the stamps never decrease, if the spec says
-    `drop`; if too many would have to be removed, remove none.
+    """Remove samples with wrong time stamps if the spec says `glitches: drop`. As few samples as
+    possible are removed, so that the remaining stamps never decrease. If more than the fraction
+    `MOST_GLITCHES` would have to be removed, all samples are kept.
     """
     time = samples.columns["time"]
     if rule != "drop" or not len(sampling.find_resets(time)):
@@ -77,7 +82,9 @@ def without_glitches(samples: Samples, rule: str) -> Samples:
 
 
 def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
-    """Refuse time that runs backwards, and treat repeated stamps as the spec says."""
+    """Treat repeated time stamps as the spec says, for example average their samples. Raises
+    DataError for time that runs backwards.
+    """
     time = samples.columns["time"]
     resets = sampling.find_resets(time)
     if len(resets):
@@ -205,8 +212,9 @@ def _resampled(samples: Samples, step: float) -> Samples:
 
 
 def going_on(time: Array, turns: Sequence[float]) -> Array:
-    """Return the offsets, (n,), that must be added to the stamps of a clock so that it continues.
-    The clock restarts after one of the times in `turns`.
+    """Return the offsets, (n,), that must be added to the stamps of a clock so that it continues
+    after each restart. A restart is a step backwards of about one of the durations in `turns`, for
+    example 3600 s for a clock that shows minutes and seconds.
     """
     before, steps = time[:-1], np.diff(time)
     added = np.sum(

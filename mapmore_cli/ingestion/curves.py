@@ -42,18 +42,19 @@ PLATEAU = "plateau"
 """Column that is 1 on the plateau of a step response, and 0 elsewhere."""
 
 MOSTLY = 0.9
-"""Share of the samples of a plateau that must lie outside the training range for a warning. At the
-highest level, noise alone puts half of them outside.
+"""A warning is raised if more than this fraction of the samples on a plateau lies outside the
+training range. The limit is high, because at the highest level, noise alone puts half of the
+samples outside.
 """
 
 Plateau = Literal["auto"] | tuple[float, float]
 
 
 def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str]) -> Recording:
-    """Return the recording with the columns `plateau` and `step_pressure`, the mean pressure on the
-    plateau.
+    """Return the recording with two more columns: `plateau`, which is 1 for samples on the plateau
+    of the step response and 0 otherwise, and `step_pressure`, the mean pressure on the plateau.
 
-    Raises DataError if there is no plateau, or no sample in the given time interval.
+    Raises DataError if no plateau is found, or if the time interval in the spec contains no sample.
     """
     columns = recording.columns
     seconds = convert(columns["time"], units["time"], "s")
@@ -78,10 +79,10 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
 
 
 def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Model:
-    """Return the static model that a spec needs.
+    """Return the model of the static run that the spec names in `needs.static`.
 
-    Raises SpecError if it predicts another quantity or unit, or has an input that the recordings
-    lack or have in another unit.
+    Raises SpecError if the model predicts another quantity than `force` or uses another unit, or if
+    the recordings lack one of its inputs or have it in another unit.
     """
     model = alone(RunFiles(run_dir).model())
     if model.output != force:
@@ -127,8 +128,8 @@ the smallest distance between levels.
 
 @dataclass(frozen=True)
 class LevelSet:
-    """Ascending values, (m,), at which the quantity `of` was held, and the largest distance of a
-    sample from its level.
+    """The levels `at`, (m,) in ascending order, at which the quantity `of` was held constant. A
+    sample is at a level if its distance from the level is at most `within`.
 
     If `nominal` is True, the level replaces the measured value of each sample.
     """
@@ -139,7 +140,9 @@ class LevelSet:
     nominal: bool = False
 
     def match(self, values: Array) -> Array:
-        """Return the level of every value; NaN for a value at no level."""
+        """Return the level of every value, (n,); NaN for a value that is not within `within` of any
+        level.
+        """
         index = match_levels(values, self.at, self.within)
         return np.where(index >= 0, self.at[index], np.nan)
 
@@ -149,7 +152,9 @@ class LevelSet:
         """
         level = float(self.at[np.argmin(np.abs(self.at - value))])
         distance = 2 * default_within(self.at) if len(self.at) > 1 else abs(level)
-        reach = MEANT * distance + 1e-12 * abs(value)  # a quarter may be rounded
+        # the tolerance 1e-12 accepts a value whose distance is exactly a quarter, despite
+        # rounding errors
+        reach = MEANT * distance + 1e-12 * abs(value)
         return level if abs(level - value) <= reach else None
 
     def describe(self) -> str:
@@ -160,10 +165,11 @@ class LevelSet:
 
 @dataclass(frozen=True)
 class LevelPart:
-    """Samples of one recording at one level, (n,) each. `places` are the indices of these samples
-    in their log, which has `whole` samples; `log` is the number of the log.
+    """Samples of one recording at one level, (n,) each.
 
-    `measured` is the original range of each quantity, if the samples are resampled branches.
+    `log` is the number of the log that contains these samples, `whole` is the number of samples in
+    this log, and `places` are the indices of these samples in the log. If load cycles were
+    resampled, `measured` holds the smallest and the largest measured value of each quantity.
     """
 
     recording: Recording
@@ -190,8 +196,8 @@ class LevelPart:
 
 
 def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
-    """Return the levels in the spec. If the spec has none, return the values at which the quantity
-    dwells in all recordings together.
+    """Return the levels in the spec. If the spec says `at: auto`, return the values at which the
+    quantity was held constant in the recordings.
     """
     of = levels.of
     if levels.at == "auto":
@@ -211,11 +217,12 @@ def level_set(levels: Levels, recordings: Sequence[Recording]) -> LevelSet:
 def cut_by_level(
     logs: Sequence[Sequence[Recording]], levels: LevelSet | None
 ) -> tuple[list[Recording], list[LevelPart]]:
-    """Return the recordings, reduced to the samples that are at a level, and the parts of each
-    recording in the order of the levels.
+    """Return the recordings without the samples that lie between levels, and a list of parts. A
+    part contains the samples of one recording at one level. Without levels, every recording is one
+    part.
 
-    A log consists of the pieces of one recording in the order of time. Without levels, every piece
-    is one part. Raises DataError for a level without samples.
+    The recordings in one element of `logs` are the pieces of one log, in the order of time. Raises
+    DataError for a level without samples.
     """
     recordings, parts = list[Recording](), list[LevelPart]()
     for number, log in enumerate(logs):
@@ -250,8 +257,8 @@ def cut_by_level(
 
 
 def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, Array]:
-    """Return the recording, reduced to the samples that are at a level, and the level of each
-    original sample, (n,), with NaN for a sample between levels.
+    """Return the recording without the samples that lie between levels. Also return the level of
+    each original sample, (n,), with NaN for a sample between levels.
     """
     level = by_blocks(levels.match, recording.columns[levels.of])
     at_one = by_blocks(np.isfinite, level)
@@ -264,12 +271,13 @@ def _at_levels_only(recording: Recording, levels: LevelSet) -> tuple[Recording, 
 
 
 def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
-    """Replace the load cycles of a part by their static and hysteresis components at common values
-    of `cycles.over` (M1 IV.A).
+    """Replace the load cycles of a part by their static and hysteresis components (M1 IV.A).
 
-    Every quantity becomes the mean of its branches; `hysteresis` is added for the target, unless
-    the target is `over` itself, which is the same in both branches. The time has no meaning
-    afterwards.
+    Both branches of the cycles are interpolated at the same values of the quantity `cycles.over`.
+    For every quantity, the static component, which is the mean of the two branches, replaces the
+    measured values. A column `hysteresis` is added for the target. It is not added if the target is
+    `cycles.over` itself, because this quantity is equal in both branches. The result has no column
+    `time`.
     """
     over = cycles.over
     where = (
@@ -293,8 +301,8 @@ def join_branches(part: LevelPart, cycles: Cycles, target: str) -> LevelPart:
 def joined_curves(
     parts: Sequence[LevelPart], held_out: Sequence[BoolArray], levels: LevelSet | None
 ) -> tuple[Curve, ...]:
-    """Join the parts at one level, in the order of the levels. Without levels, every recording is a
-    curve.
+    """Return the curves. A curve consists of all parts at one level, and the curves are in the
+    order of the levels. Without levels, every recording is a curve.
     """
     members: dict[str, list[int]] = {}
     for number in sorted(range(len(parts)), key=lambda number: parts[number].level or 0.0):
@@ -311,8 +319,8 @@ def joined_curves(
 def _joined_parts(
     key: str, parts: Sequence[LevelPart], masks: Sequence[BoolArray], nominal: str | None
 ) -> Curve:
-    """Return the curve that some parts form together. If `nominal` names a quantity, the measured
-    values of this quantity are replaced by the value of the level.
+    """Join parts to one curve. If `nominal` names a quantity, its measured values are replaced by
+    the level of the parts.
     """
     columns = {name: joined([part.columns[name] for part in parts]) for name in parts[0].columns}
     plateau = columns.pop(PLATEAU, None)

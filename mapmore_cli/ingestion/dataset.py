@@ -53,8 +53,8 @@ from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.sections.logs import FileEntry
 
 BAD = "is left out as a bad file"
-FEW = 10  # warn if a recording has fewer samples left than this
-MUCH = 0.5  # warn if a recording loses more than this fraction of its samples
+FEW = 10  # a recording with fewer samples gets a warning
+MUCH = 0.5  # if more than this fraction of the samples is left out, a recording gets a warning
 
 
 def build_dataset(
@@ -137,9 +137,9 @@ def _logs_of(
     notes: list[str],
     warnings: list[str],
 ) -> list[list[Recording]]:
-    """Return the recordings of every log, which are the pieces between its gaps. Findings are added
-    to `notes` and `warnings`. With `skip_bad_files: true`, a file that cannot be used is left out,
-    with a warning.
+    """Read all logs, and return a list of recordings for each log. If a log is cut at its gaps,
+    each piece is a recording. Findings are added to `notes` and `warnings`. With `skip_bad_files:
+    true`, a file that cannot be used is left out, with a warning.
 
     Raises DataError if no file is left.
     """
@@ -167,10 +167,11 @@ def _logs_of(
 
 
 def _check(data: Data) -> None:
-    """Refuse contradictions in `data`. A quantity that is set must be set in every entry of
-    `files`, and must not be a column or derived as well. The `columns` of single files may only
-    replace entries of `data.columns`. Settings that need samples in the order of time are refused
-    if `cycles` changes this order.
+    """Raise SpecError for contradictions in the section `data`:
+
+    - An entry of `files` gives a column for a quantity that is not in `data.columns`.
+    - A constant (`set`) is also measured or derived, or only some entries of `files` set it.
+    - The last samples or cycles are held out although `cycles` changes the order of the samples.
     """
     entries = [entry for entry in data.files if isinstance(entry, FileEntry)]
     for name in sorted({name for one in entries for name in one.columns} - data.columns.keys()):
@@ -253,7 +254,9 @@ def _mended(
 
 
 def _first_row(piece: Samples) -> int:
-    """Return the row of the first sample if rows are consecutive; otherwise 0."""
+    """Return the number of the first row in the file if the samples are consecutive rows; otherwise
+    0.
+    """
     first, last = int(piece.rows[0]), int(piece.rows[-1])
     by_row = piece.place == "row" and not piece.merged and last - first + 1 == piece.size
     return first if by_row else 0
@@ -272,7 +275,8 @@ def _losses(recording: Recording) -> Iterator[str]:
         )
 
 
-# outside these limits of its magnitude, powers of a quantity underflow or overflow
+# smallest and largest magnitude of a quantity; powers of smaller values underflow, and powers of
+# larger values overflow
 LEAST, MOST = (
     1e-30,
     1e30,
@@ -280,8 +284,8 @@ LEAST, MOST = (
 
 
 def _check_sizes(samples: Samples, units: Mapping[str, str]) -> None:
-    """Raise DataError for quantities so large or small that computing with them would overflow or
-    underflow.
+    """Raise DataError if the values of a quantity are so large or so small that their powers would
+    overflow or underflow.
     """
     for name, column in samples.columns.items():
         largest = max(map(abs, extremes(column)))

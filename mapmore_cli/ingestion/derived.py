@@ -61,8 +61,8 @@ def _evaluated(expression: terms.Expression, samples: Samples) -> Array:
 
 
 def kept(samples: Samples, conditions: Sequence[Keep], units: Mapping[str, str]) -> Samples:
-    """Return the samples that fulfil all conditions. The other samples are recorded under the first
-    condition that they violate.
+    """Return the samples that fulfil all conditions. A sample that is left out is recorded under
+    the first condition that it violates.
     """
     for condition in conditions:
         name = condition.quantity
@@ -74,8 +74,9 @@ def kept(samples: Samples, conditions: Sequence[Keep], units: Mapping[str, str])
 
 
 def _condition(condition: Keep, name: str, unit: str) -> tuple[Callable[[Array], BoolArray], str]:
-    """Return a function that tests the condition on the values of a quantity, and the reason
-    recorded for samples that fail.
+    """Return a function and a text. The function takes values, (n,), of the quantity `name`, and
+    returns True for those that fulfil the condition. The text is the reason that is recorded for
+    samples that do not, for example `pressure >= 5 kPa`.
     """
     if (limit := condition.abs_below) is not None:
         return lambda values: np.abs(values) < limit, f"|{name}| >= {limit:g}{unit}"

@@ -27,11 +27,14 @@ Component = Literal["static", "hysteresis", "damping"]
 
 @dataclass(frozen=True)
 class IngestSlice:
-    """Settings on which `ingest` depends. `measured` is the quantity that is measured, `component`
-    is the part of it that is modelled, and `units` holds the model's unit of every quantity.
+    """Settings on which the stage `ingest` depends.
 
-    `static` is the spec of the run whose model is subtracted to obtain the damping force. `also`
-    holds further quantities that are modelled.
+    - `data`: section `data` of the spec.
+    - `measured`: measured quantity from which the target is computed.
+    - `component`: part of the measured quantity that is modelled.
+    - `units`: the model's unit of every quantity.
+    - `static`: spec of the run whose model is subtracted to obtain the damping force.
+    - `also`: further quantities that are modelled.
     """
 
     data: Data
@@ -69,10 +72,12 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
 
 @dataclass(frozen=True)
 class Log:
-    """A file to read, or a `table` in memory. `name` is the name of the file relative to the folder
-    of the spec. `sheet` and `table_below` are the sheet and the table that the entry of the file in
-    the spec names; None if it names none. `columns` holds the columns that have another name or
-    unit in this log than in the other logs.
+    """A file to read, or a `table` in memory.
+
+    - `name`: name of the file relative to the folder of the spec.
+    - `sheet`, `table_below`: sheet of a workbook, and table within a file, that the spec requests
+      for this file; None if it requests none.
+    - `columns`: columns that have another name or unit in this file than in the other files.
     """
 
     path: Path
@@ -117,13 +122,14 @@ def find_sources(
     bad: bool | Sequence[str] = False,
     warn: Warn = lambda _: None,
 ) -> tuple[Source, ...]:
-    """Return the files of `data.files` in the order of the entries, each with its joined logs.
-    Files of one glob are sorted by path. If an entry has the name of one of the `tables`, this
-    table in memory is used instead of a file. Files named in `bad` (`data.skip_bad_files`) are left
-    out after logs were paired. `warn` is called if a glob leads into results of mapmore.
+    """Return the files that `data.files` names, in the order of its entries, each with its joined
+    logs. Files of one glob are sorted by path. If an entry has the name of one of the `tables`,
+    this table in memory is used instead of a file. Files named in `bad` (`data.skip_bad_files`) are
+    left out, but only after all files were paired with the logs to join. `warn` is called if a glob
+    leads into results of mapmore.
 
-    Raises DataError if a glob matches nothing, a file is named twice, or joined logs cannot be
-    paired; SpecError if two recordings have the same id.
+    Raises DataError if a glob matches nothing, if two entries name the same file, or if the logs to
+    join cannot be paired with the files; SpecError if two recordings have the same id.
     """
     found = _found(entries, folder, tables, may_be_empty=bool(bad), warn=warn)
     ids = [
@@ -161,8 +167,8 @@ def _found(
     may_be_empty: bool = False,
     warn: Warn = lambda _: None,
 ) -> list[tuple[Log, FileEntry]]:
-    """Return every file with the entry that names it. Sheets that entries name separately count as
-    files.
+    """Return every file together with the entry of `data.files` that names it. If several entries
+    name sheets or tables of the same file, the file is returned once for each of them.
     """
     found: dict[tuple[str, str | None, WhichTable | None], tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
@@ -198,8 +204,8 @@ def _found(
 
 
 def _automatic(logs: Sequence[Log]) -> list[str]:
-    """Return ids made from file names; if a file is read by sheets or tables, these are appended,
-    for example `book[Run1]`.
+    """Return an id for each log, made from the name of its file. If several sheets or tables of one
+    file are read, the sheet or table is appended to the id, for example `book[Run1]`.
     """
     sheets = Counter(log.name for log in logs)
     ids = dict(zip(sheets, unique_ids([*sheets]), strict=True))
@@ -257,9 +263,11 @@ MEGABYTE = 10**6
 
 
 class Meter:
-    """Counter that calls `progress` with the number of bytes that were read from all logs of a
-    study. A joined log counts each time that it is read. `texts` holds the number that stands
-    for each text in a column of texts. A text has the same number in all logs.
+    """Counter that calls `progress` with the number of bytes that were read so far from all logs of
+    a study. If a log is joined to several files, it is read and counted once for each of them.
+
+    `texts` holds, for each quantity whose column contains texts, the number that represents each
+    text. A text has the same number in all logs.
     """
 
     def __init__(self, sources: Sequence[Source], progress: Progress) -> None:
@@ -269,8 +277,8 @@ class Meter:
         self.texts: dict[str, dict[str, float]] = {}
 
     def within(self, log: Log) -> Callable[[int], None]:
-        """Begin to count the bytes of another log. Return the function that the reader calls with
-        the number of bytes that it has read.
+        """Begin to count the bytes of another log. Return a function that the reader of this log
+        calls with the number of bytes that it has read so far.
         """
         before = self._before
         self._before += log.bytes

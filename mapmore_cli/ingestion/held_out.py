@@ -20,8 +20,8 @@ from mapmore_cli.study.sections.split import Between, Holdout
 def held_out(
     parts: Sequence[LevelPart], choice: Holdout | None, levels: LevelSet | None, folder: Path
 ) -> list[BoolArray]:
-    """Return a mask for each part, (n,), that is True for held-out samples. If there are several
-    conditions, a held-out sample fulfils all of them.
+    """Return a mask for each part, (n,), that is True for held-out samples. A sample is held out if
+    it fulfils all conditions in `choice`.
 
     Raises DataError if a condition matches nothing, or if no sample is left for training.
     """
@@ -44,8 +44,8 @@ def held_out(
 def _conditions(
     parts: Sequence[LevelPart], choice: Holdout, levels: LevelSet | None, folder: Path
 ) -> Iterator[BoolArray]:
-    """Yield a mask for each condition, (n,), that is True for the samples that fulfil it. The mask
-    covers all parts one after the other.
+    """Yield a mask for each condition in `choice`, (n,). It is True for the samples that fulfil the
+    condition. The n samples are those of all parts, one part after the other.
     """
 
     def is_named(source: str, pattern: str) -> bool:
@@ -73,7 +73,7 @@ def _conditions(
         yield np.concatenate([part.behind(1 - choice.last) for part in parts])
     if choice.last_cycles is not None and choice.of is not None:
         yield _last_cycles(parts, choice.of, choice.last_cycles)
-    # the number of samples that are drawn is rounded to a whole number
+    # `fraction` of the number of samples is rounded to a whole number
     if choice.fraction is not None:
         drawn = np.random.default_rng(choice.seed or 0).permutation(sum(sizes))[
             : round(choice.fraction * sum(sizes))
@@ -84,9 +84,11 @@ def _conditions(
 def _matching(
     kind: str, patterns: Sequence[str], names: Sequence[str], matches: Callable[[str, str], bool]
 ) -> list[bool]:
-    """Return True for each name that the patterns select. A pattern selects the names that equal
-    it. If no name equals the pattern, it selects the names that match it as a glob. Brackets can be
-    part of a name (`book[Run1]`) as well as of a glob.
+    """Return, for each name, True if one of the patterns selects it.
+
+    A pattern is first compared with the names as a plain text, and then as a glob if no name is
+    equal to it. This order is needed because brackets can be part of a name (`book[Run1]`) as well
+    as of a glob. Raises DataError for a pattern that selects no name.
     """
     held: set[str] = set()
     for pattern in patterns:
@@ -112,8 +114,9 @@ def _at_levels(parts: Sequence[LevelPart], values: Sequence[float], levels: Leve
 
 
 def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Between) -> BoolArray:
-    """Return True for the samples whose quantity lies in one of the intervals or has one of the
-    values. Raises DataError for a value that does not occur.
+    """Return a mask, (n,), of the samples of all parts. It is True if the quantity `name` lies in
+    one of the intervals of `choice`, or has one of its values. Raises DataError if no sample lies
+    in an interval or has a value.
     """
     if isinstance(choice, Between):
         wanted = [
@@ -148,8 +151,9 @@ def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Bet
 
 
 def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray:
-    """Return True for the samples of the last cycles of each log. Before the cycles are counted,
-    the pieces and levels of a log are put together in the order of time.
+    """Return a mask, (n,), of the samples of all parts. It is True for the samples in the last
+    cycles of each log; `share` is the fraction of cycles. Before the cycles are counted, all parts
+    of a log are put together in the order of time.
     """
     sources = {part.log: part.recording.name for part in reversed(parts)}
     log = np.repeat([part.log for part in parts], [part.size for part in parts])
@@ -165,8 +169,8 @@ def _last_cycles(parts: Sequence[LevelPart], of: str, share: float) -> BoolArray
 
 
 def meant_levels(choice: Holdout | None, levels: LevelSet | None) -> list[str]:
-    """Return a note for every level that `split.validate` names by a number that differs from the
-    measured level.
+    """Return a note for every level that `split.validate` names by a rounded value, for example by
+    150 for the measured level 149.73.
     """
     if (
         choice is None

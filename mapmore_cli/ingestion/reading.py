@@ -26,8 +26,9 @@ def read_tables(
 ) -> list[Samples]:
     """Return the samples of each recording in a file, with NaN for missing values.
 
-    If `log` is a table in memory, no file is read. If missing values are dropped, incomplete last
-    records are dropped too. Raises DataError if the file cannot be read.
+    If `log` is a table in memory, no file is read. If the spec says that samples with missing
+    values are left out, incomplete records at the end of the file are left out too. Raises
+    DataError if the file cannot be read.
     """
     if log.columns:
         table = table.model_copy(update={"columns": {**table.columns, **log.columns}})
@@ -67,8 +68,9 @@ def read_tables(
 
 
 def _second(table: Logs, units: Mapping[str, str]) -> float:
-    """Return the length of a second in the unit of the time column. The length is 1 if there is no
-    such column, and also for a clock in several columns, which have units of their own.
+    """Return the length of one second in the unit of the time column, for example 1000 for a column
+    in ms. Return 1 if there is no time column, or if the time is spread over several columns, for
+    example hours and minutes.
     """
     clock = table.columns.get("time")
     if clock is None or clock.columns:
@@ -84,14 +86,19 @@ def _sum_of_parts(raw: RawTable, clock: SourceColumn) -> Array:
 
 
 def _filled_down(values: Array) -> Array:
-    """Return a column, (n,), in which every NaN has the value above it, if there is one."""
+    """Return the column, (n,), with every NaN replaced by the last number above it. A NaN at the
+    beginning of the column stays.
+    """
     filled = np.where(np.isfinite(values), np.arange(len(values)), 0)
     return np.asarray(values[np.maximum.accumulate(filled)])
 
 
 def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, str]) -> Samples:
-    """Return `value * scale + offset` in the model's unit, minus its mean at rest; NaN for numbers
-    that mean missing values. A column of standard deviations is converted as differences.
+    """Return the samples of a table in the model's units. Each value is `value * scale + offset`,
+    converted to the model's unit; if the spec gives `rest`, the mean of the column during this time
+    at the beginning is subtracted. Numbers that the spec declares as missing values become NaN.
+    Columns of standard deviations are converted as differences, for example without the offset
+    between degC and K.
     """
     missing, deviations = data.missing_rule.numbers, [*data.uncertainty.values()]
     doubts = [*raw.doubts, *_against_the_file(raw, table, units)]
@@ -154,8 +161,9 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
 
 
 def _mean_at_rest(time: Array, values: Array, rest: float) -> float | None:
-    """Return the mean of the values, (n,), whose time is at most `rest` after the first stamp; None
-    if there is no such value. Missing values are left out.
+    """Return the mean of the values, (n,), during the first `rest` of the recording, counted from
+    its first time stamp. Missing values are left out. Return None if there is no value in this
+    time.
     """
     since = time - next(iter(time[np.isfinite(time)]), np.nan)
     resting = values[np.isfinite(values) & (since <= rest)]
@@ -163,10 +171,12 @@ def _mean_at_rest(time: Array, values: Array, rest: float) -> float | None:
 
 
 def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> Iterator[str]:
-    """Yield a warning for each column about which the spec and the file seem to disagree. Raises
-    DataError if they contradict each other.
+    """Compare the columns in the spec with the information that the file gives about them (units,
+    scaling and time step). Yield a warning for each possible contradiction, and raise DataError for
+    a certain one.
 
-    The size of a `scale` in the spec is accepted, but its sign is examined.
+    If the spec gives a `scale`, units are not compared, because the factor may convert the unit.
+    They are compared for `scale: -1`, which only changes the sign.
     """
     for name, column in table.columns.items():
         told, what = raw.noted.get(column.column), f"{raw.label}: '{column.column}'"
@@ -225,8 +235,8 @@ def _converted(
 
 
 def unwrapped(values: Array, period: float) -> Array:
-    """Return the values of an encoder that restarts after a `period`, as if it continued. Missing
-    values stay missing.
+    """Return the values of an encoder without jumps. The encoder starts again from zero after each
+    `period`, and the result continues instead. Missing values stay missing.
     """
     found, known = values.copy(), np.isfinite(values)
     found[known] = np.unwrap(values[known], period=period)

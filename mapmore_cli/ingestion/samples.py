@@ -18,7 +18,7 @@ from mapmore_cli.study.units import convert
 
 @dataclass(frozen=True)
 class Samples(RawTable):
-    """Samples of one table, with their `columns` by quantity in the model's units.
+    """Samples of one table. `columns` holds the values of each quantity in the model's unit.
 
     - `left_out`: rows of samples that were left out, by reason.
     - `merged`: the number of samples by which resampling reduced the table.
@@ -30,7 +30,9 @@ class Samples(RawTable):
     notes: tuple[str, ...] = ()
 
     def keep(self, mask: BoolArray, reason: str) -> Samples:
-        """Return the samples in `mask`; the others are recorded under `reason`."""
+        """Return the samples for which `mask`, (n,), is True. The rows of the other samples are
+        recorded in `left_out` with the given `reason`.
+        """
         if mask.all():
             return self
         before = self.left_out.get(reason, np.zeros(0, dtype=np.int64))
@@ -42,7 +44,9 @@ class Samples(RawTable):
         )
 
     def some(self) -> Samples:
-        """Return the samples unchanged. Raises DataError if none is left."""
+        """Return the samples unchanged. Raises DataError if there are none, because all were left
+        out.
+        """
         if self.size:
             return self
         losses = "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
@@ -56,8 +60,9 @@ class Samples(RawTable):
         return replace(self, columns={**self.columns, **columns})
 
     def cut(self, parts: Sequence[slice]) -> list[Samples]:
-        """Return the samples of each part. Samples that were left out earlier belong to the part in
-        which they lie; notes belong to the first part.
+        """Cut the samples into consecutive parts, and return the parts. A sample that was left out
+        earlier is recorded in the part in which its row lies. The notes and warnings go to the
+        first part only.
         """
         owners = {
             reason: np.searchsorted([self.rows[part.start] for part in parts[1:]], rows)
@@ -90,8 +95,8 @@ def located(label: str) -> Iterator[None]:
 
 
 def without_missing(samples: Samples, table: Logs, missing: str | MissingRule) -> Samples:
-    """Treat NaN and infinity as the spec says: raise an error, or leave out the samples. Raises
-    DataError if none is left.
+    """Leave out samples with NaN or infinity, or raise DataError for them if `missing` is `error`.
+    Raises DataError also if no sample is left.
     """
     complete = by_blocks(
         lambda *columns: np.logical_and.reduce([np.isfinite(values) for values in columns]),
@@ -118,10 +123,10 @@ def recordings_apart(
 ) -> list[Samples]:
     """Return the samples of each recording in a table, without missing values. Rows with the same
     value of `recordings.of` are one recording, in the order of first occurrence. Without
-    `recordings.of`, the whole table is one recording. `texts` holds, for each column of texts, the
-    number that stands for each text.
+    `recordings.of`, the whole table is one recording. `texts` holds, for each quantity whose column
+    contains texts, the number that represents each text.
 
-    Raises DataError for missing values if they are errors, and if no sample is left.
+    Raises DataError for missing values if the spec does not allow them, and if no sample is left.
     """
     samples = without_missing(samples, data, data.missing)
     if data.recordings is None:

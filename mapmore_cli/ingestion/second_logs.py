@@ -1,4 +1,6 @@
-"""Add the quantities of second logs to recordings, by their clocks or row by row."""
+"""Join the logs of a second logger to recordings: add their quantities, either at equal times or
+row by row.
+"""
 
 from __future__ import annotations
 
@@ -24,10 +26,11 @@ from mapmore_cli.study.units import convert
 def with_joined(
     tables: Sequence[Samples], source: Source, data: Data, units: Mapping[str, str], meter: Meter
 ) -> list[Samples]:
-    """Return the recordings of a file with the quantities of the logs that are joined to it; NaN at
-    samples for which a log has no value.
+    """Return the recordings of a file, with the quantities of all joined logs added. A value is NaN
+    if the joined log has no value for the time of the sample.
 
-    Raises DataError for logs that do not fit: another number of recordings or rows.
+    Raises DataError for a joined log that has another number of recordings or rows, or that covers
+    another time.
     """
     found = list(tables)
     for join, log in zip(data.join, source.joined, strict=True):
@@ -100,13 +103,14 @@ def _by_time(first: Samples, second: Samples, join: Join, units: Mapping[str, st
 def _found_shift(
     first: Samples, second: Samples, join: Join, units: Mapping[str, str]
 ) -> tuple[float, str]:
-    """Return the shift in the model's unit of time, and a note on its uncertainty.
+    """Find the shift between the clocks of two logs by comparing the two quantities in
+    `join.match`. Return the shift in the model's unit of time, and a note on its uncertainty.
 
-    Two records with the same unit must rise together. With different units, one may fall while the
-    other rises.
+    If both quantities have the same unit, both must rise at the same time. If their units differ,
+    one may also fall while the other rises.
 
-    Raises DataError if nothing changes in a record, if noise alone could give the same result, or
-    if another shift is nearly as good.
+    Raises DataError if one of the quantities never changes, if noise alone could give the same
+    result, or if another shift is nearly as good.
     """
     match = join.match
     assert match is not None
@@ -125,7 +129,7 @@ def _found_shift(
         raise DataError(
             f"no shift can be found from {pair}, because one of them never changes", others
         )
-    # the number is shown with one digit more than is certain
+    # the shift is printed with one decimal more than its uncertainty justifies
     value = f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
     best = f"{value} {units['time']} (correlation of their changes {found.correlation:.3f})"
     if found.lost_in_noise:
@@ -161,8 +165,9 @@ def _found_shift(
 
 
 def _ordered_signal(samples: Samples, name: str) -> tuple[Array, Array]:
-    """Return the time stamps and the values of the first log, without missing values. Of several
-    samples with the same stamp, only the first is returned.
+    """Return the time stamps and the values of the quantity `name`, (n,) each, without missing
+    values. Of several samples with the same stamp, only the first is returned. Raises DataError if
+    time runs backwards.
     """
     time, values = samples.columns["time"], samples.columns[name]
     there = np.flatnonzero(np.isfinite(time) & np.isfinite(values))

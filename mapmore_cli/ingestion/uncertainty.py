@@ -18,20 +18,21 @@ from mapmore_cli.study.units import convert, is_quantity, split_quantity
 Rule = float | str | dict[str, float]
 
 LEAST = 1e-3
-"""Smallest uncertainty of a sample, as a fraction of the median uncertainty of its curve. With a
-smaller one, the sample would have the weight of a million others.
+"""Smallest uncertainty of a sample that is accepted, as a fraction of the median uncertainty of its
+curve. A sample with a smaller uncertainty would have the weight of a million other samples.
 """
 
 
 def with_uncertainty(
     curves: Sequence[Curve], data: Data, units: dict[str, str], measured: str, target: str
 ) -> tuple[Curve, ...]:
-    """Return the curves with an additional column for each quantity whose uncertainty is known; the
-    unit of the column is added to `units`. The uncertainty of the `measured` quantity becomes the
-    uncertainty of the `target`.
+    """Return the curves with an additional column for each quantity in `data.uncertainty`: the
+    standard deviation of each sample. The units of these columns are added to `units`. If the
+    quantity is `measured`, its column becomes the uncertainty of the `target`, which is computed
+    from it.
 
-    Raises DataError for an uncertainty that is not above zero, or is far below the other
-    uncertainties of its curve.
+    Raises DataError for a standard deviation that is not above zero, or is less than 0.001 of the
+    median in its curve.
     """
     for name, rule in data.uncertainty.items():
         column = uncertainty_of(target if name == measured else name)
@@ -70,8 +71,8 @@ def _positive_deviation(
 
 
 def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[str, str]) -> Array:
-    """Return the standard deviation of each sample, (n,); NaN for samples of a group without a
-    value.
+    """Return the standard deviation of each sample, (n,). If the spec gives one value for each
+    group, samples of a group without a value get NaN.
     """
     if isinstance(rule, dict):
         assert data.groups is not None
@@ -81,6 +82,6 @@ def _deviation(curve: Curve, name: str, rule: Rule, data: Data, units: Mapping[s
         return np.full(curve.size, rule)
     if is_quantity(rule):
         return np.abs(curve.columns[name]) * convert(split_quantity(rule)[0], "%", "1")
-    # a column of deviations without a unit is in the unit of the quantity
+    # if the column of standard deviations has no unit, its unit is that of the quantity
     unit = units[name] if units[rule] == "1" else units[rule]
     return convert(curve.columns[rule], unit, units[name], difference=True)

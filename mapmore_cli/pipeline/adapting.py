@@ -17,22 +17,23 @@ from mapmore_cli.pipeline.records import Sheet
 
 
 def names_of_points(model: Model) -> tuple[str, str, str]:
-    """Return the names of the columns in a table of points to which `adapt` fits a model."""
+    """Return the names of the columns that a table of measured points for `adapt` must have."""
     return "pressure", "strain", model.output.name
 
 
 def adapt(
     model: Model, lines: Iterable[str] | None, label: str, constants: Mapping[str, float]
 ) -> Model:
-    """Return a model of pressure and strain for one specimen of the family. Without `lines`, the
-    model follows from the dimension of the specimen alone.
+    """Return a model for one specimen of a family, with the inputs pressure and strain.
 
-    `lines` is a CSV table with pressure, strain and the output in the model's units. `constants`
-    gives the value of the quantity in which specimens differ. Rows with an empty field are left
-    out. The intervals remain those of the family, and a note says so.
+    `constants` gives the dimension of the specimen, that is, the value of the quantity in which the
+    specimens of the family differ. `lines` is a CSV table of measured points with pressure, strain
+    and the output in the model's units; rows with an empty field are left out. Without `lines`, the
+    model follows from the dimension alone. If the family has intervals, the model keeps these
+    intervals, and a note says so.
 
     Raises UsageError if the model is no family, or if `constants` lacks the dimension of the
-    specimen. Raises DataError if the table is empty or lacks a column.
+    specimen or has other entries. Raises DataError if the table is empty or lacks a column.
     """
     of = dimension_of(model)
     body = model.body_of(Formula)

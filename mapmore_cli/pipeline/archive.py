@@ -63,7 +63,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
         )
     _check_finished(run_dir)
     name = _entry(run_dir / RUN_RECORD, "name")
-    # the name is checked, because in a record from somebody else it may be any path
+    # the name becomes part of a path, so a name from a copied record could lead to any folder
     if not isinstance(name, str) or not TAG.fullmatch(name):
         raise DataError(
             f"{run_dir / RUN_RECORD}: does not contain the name of the run",
@@ -107,8 +107,8 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
 
 
 def _entry(path: Path, *keys: str) -> object:
-    """Return the value that nested `keys` lead to in a JSON file; None if there is no such value or
-    no file.
+    """Return the value in a JSON file that is found by following the `keys` from the outer object
+    to the inner objects. Return None if there is no such value or no file.
     """
     try:
         entry = json.loads(content_of(path))
@@ -184,8 +184,9 @@ def runs_of(campaign: Path) -> list[str] | None:
 
 
 def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | None:
-    """Return the models of a campaign by the names of its runs. For `NAME@TAG`, these are the
-    frozen models; otherwise, they are the present models. Return None if the text names no
+    """Return the model file of each run of a campaign, by the name of the run. If `text` is
+    `CAMPAIGN@TAG`, these are the models that were frozen with this tag. If `text` is only the name
+    of a campaign, these are the models that the runs have now. Return None if there is no such
     campaign.
     """
     name, at, tag = text.partition("@")
@@ -196,8 +197,8 @@ def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | Non
 
 
 def made_from(run_dir: Path) -> tuple[str, list[str]]:
-    """Return the spec or the campaign from which a run was made, and those settings on its command
-    line that affect the model.
+    """Return the spec or the campaign from which a run was made. If it was made from a spec, also
+    return those settings of the command line that affect the model.
     """
     origin = load_origin(run_dir) or Origin("")
     harmless = ("name=", "report", "validate")
@@ -240,10 +241,11 @@ MADE_BY = ("segment", "dictionary", "model", "fit", "fuse")
 
 
 def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
-    """Yield the keys that differ between two runs, with both values; nothing if a model has no
-    record of its run, or if both structures were found by searches with the same settings.
+    """Yield the settings that differ between two runs: each key with its two values. Yield nothing
+    if a model has no record of its run, or if both structures were found by searches with the same
+    settings.
 
-    A key that an older version did not have counts as its default.
+    If an older version did not have a key, the key is treated as if it had its default value.
     """
     sections = {name: ExperimentSpec.model_fields[name] for name in MADE_BY}
     keys = {name: (key.annotation, key.default) for name, key in sections.items()}
@@ -252,7 +254,9 @@ def _other_settings(*runs: Mapping[str, StageRecord]) -> Iterator[str]:
         slices = [run[stage].slice for run in runs if stage in run]
         for place, values in enumerate(slices):
             known = {key: values[key] for key in MADE_BY if key in values}
-            with suppress(ValidationError):  # a newer version may write unknown keys
+            # a record of a newer version may have keys that are unknown here; its settings are then
+            # compared as they are
+            with suppress(ValidationError):
                 known = recorded(made_by.model_validate_json(json.dumps(known)))
             slices[place] = known
         if len(slices) == 2:

@@ -1,5 +1,5 @@
-"""Represent the part of a spec on which a stage depends as JSON values and as a fingerprint, and
-describe the differences between two such parts.
+"""Describe the part of a spec on which a stage depends: as JSON values for the record of the run,
+as a hash (fingerprint), and by the differences between an old and a new part.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ NOT_SET = "not set"
 
 
 def recorded(part: object) -> dict[str, Any]:
-    """Return the part of a spec that a stage reads (frozen dataclasses, spec models and their
-    contents) as JSON values, under the names of the YAML file.
+    """Return `part`, the part of a spec that a stage reads, as JSON values. It is a dataclass or a
+    pydantic model, and may contain more of them. The keys are those of the YAML file.
     """
     values: dict[str, Any] = to_jsonable_python(part, by_alias=True)
     return values
@@ -30,8 +30,10 @@ def recorded(part: object) -> dict[str, Any]:
 def fingerprint(
     name: str, revision: int, part: object, before: str, contents: Mapping[str, str]
 ) -> str:
-    """Return the SHA-256 of a stage's name and revision, the part of the spec that it reads
-    (`part`), the fingerprint of the stage before it, and the hashes of its sources by path.
+    """Return the fingerprint of a stage: the SHA-256 of everything on which its result depends.
+    This is the name and the revision of the stage, the part of the spec that it reads (`part`), the
+    fingerprint of the stage before it (`before`), and the hash of each source file by path
+    (`contents`).
     """
     whole = {
         "stage": name,
@@ -45,12 +47,13 @@ def fingerprint(
 
 
 def slice_differences(stage: str, old: object, new: Mapping[str, Any]) -> list[str]:
-    """Return every changed key of the part of the spec that a stage reads, with both values, for
-    example `fuse.z_s: 0.25 -> 0.3`.
+    """Return the keys that differ between the old and the new part of the spec that a stage reads,
+    each with both values, for example `fuse.z_s: 0.25 -> 0.3`.
     """
     if old == new:
         return []
-    if not isinstance(old, dict):  # an edited record may contain anything
+    # somebody may have edited the record of the run, so that `old` may have any type
+    if not isinstance(old, dict):
         return list(_differences(stage, old, new))
     return [
         text
@@ -69,7 +72,8 @@ def place_in_spec(key: str, stage: str) -> str:
     sections = {field.alias or name: field.annotation for name, field in fields}
     if key in sections:
         return key
-    # `levels` is also a key of `fuse`, but a change in `fuse` has the key `fuse` (returned above).
+    # `levels` is a key of `data` and of `fuse`. Here it is the key of `data`: stages that read
+    # `fuse` read the whole section, so that a change in it has the key `fuse` (returned above).
     for name, section in sections.items():
         if key in getattr(section, "model_fields", getattr(section, "__dataclass_fields__", ())):
             return f"{name}.{key}"
@@ -77,8 +81,9 @@ def place_in_spec(key: str, stage: str) -> str:
 
 
 def _differences(place: str, old: object, new: object) -> Iterator[str]:
-    """Yield the differences between two values of a key of the spec. Of mappings and lists, only
-    the elements that differ are shown, each with its full name.
+    """Yield the differences between the old and the new value of a key of the spec. If both values
+    are mappings or lists, only the elements that differ are described, each with its full name,
+    such as `dictionary[0].order`.
     """
     if isinstance(old, dict) and isinstance(new, dict):
         for key in new | old:

@@ -21,10 +21,10 @@ QUANTITIES = ("time", "pressure", "strain", "force")
 
 
 def write_example(folder: Path) -> list[Path]:
-    """Copy the study and the recordings of both campaigns into a folder, which is created if
-    necessary; return their paths, the study first.
+    """Copy the example study and the recordings of its two campaigns into a folder, which is
+    created if necessary. Return the paths of the files, the study first. The study is named after
+    the folder, so that runs of two copies never overwrite each other.
 
-    The study is named after the folder, so that runs of two copies never overwrite each other.
     Raises WriteError if the folder is not empty or cannot be written.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):

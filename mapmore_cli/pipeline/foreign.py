@@ -26,9 +26,11 @@ from mapmore_cli.study.units import default_unit, is_same, unit_of
 
 @dataclass(frozen=True)
 class TableOptions:
-    """Options for reading a table: `settings` in the form of a spec, for example `{"delimiter":
-    ";"}`; and for each quantity, the title or index of its column (`columns`) and its unit
-    (`units`).
+    """Options of the command line for reading a table.
+
+    - `settings`: settings of the section `data` of a spec, for example `{"delimiter": ";"}`.
+    - `columns`: title or index of the column of each quantity.
+    - `units`: unit of the column of each quantity.
     """
 
     settings: Mapping[str, Any] = field(default_factory=dict)
@@ -52,15 +54,16 @@ def is_foreign(path: Path, options: TableOptions) -> bool:
     reader = reader_of(path)
     is_text = reader is None or reader is READERS["csv"]
     head = head_of(path)
-    # the reader of texts says what is wrong with a binary file
+    # True also for a binary file of unknown format, because the reader raises an error that says
+    # what is wrong with it
     return not is_text or is_binary(head) or encoding_of(head).startswith("utf-16")
 
 
 def columns_of(model: Model, solved_for: str | None = None) -> Sequence[Sequence[str]]:
-    """Return the alternative sets of columns that a table for the model may have. In the first set,
-    rates and directions that are inputs of the model are columns; in the second set, they are
-    computed from other columns. If the model is inverted for the input `solved_for`, the table has
-    the output instead of this input.
+    """Return the sets of columns with which a table can be used for the model; the table must have
+    all columns of one set. Rates and directions that are inputs of the model are columns in the
+    first set. In the second set, they are computed from other columns. If the model is inverted for
+    the input `solved_for`, there is only one set, with the output instead of this input.
     """
     if solved_for is not None:
         inputs = (name for name in model.input_names if name != solved_for)
@@ -70,7 +73,7 @@ def columns_of(model: Model, solved_for: str | None = None) -> Sequence[Sequence
 
 
 def units_of(model: Model, ways: Sequence[Sequence[str]]) -> dict[str, str]:
-    """Return the units of the columns that a table may have."""
+    """Return the unit of every column in the sets `ways`, by name."""
     known = {quantity.name: quantity.unit for quantity in (*model.inputs, *model.outputs)}
     return {name: known.get(name) or default_unit(name) for way in ways for name in way}
 
@@ -82,13 +85,14 @@ def foreign_lines(
     units: Mapping[str, str],
     warn: Warn,
 ) -> Iterator[str]:
-    """Yield the lines of a CSV table of quantities in the given `units`, with the columns of the
-    first set in `ways` that the file has. A column `recording`, with numbers or texts, is included
-    if there is one.
+    """Read a table, and yield it as the lines of a CSV table with the names of quantities as header
+    and numbers in the given `units`. `ways` are the possible sets of columns; the first set whose
+    columns all exist in the file is used. A column `recording`, with numbers or texts, is included
+    if the file has it.
 
-    Raises DataError for a file that cannot be read, or if the unit in the title of a column differs
-    from the unit in which the column is read; UsageError for settings that the reader of the file
-    does not use.
+    Raises DataError for a file that cannot be read, and for a column whose title ends with a unit
+    other than the unit in which the column is read. Raises UsageError for settings that the reader
+    of the file does not use.
     """
     with_recordings = [[*way, RECORDING] for way in ways]
     ways = with_recordings if RECORDING in options.columns else [*with_recordings, *ways]
@@ -141,7 +145,9 @@ def _samples(
 
 
 def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
-    """Return the section `data` of a spec with which this table is read."""
+    """Return a section `data`, as in a spec, with which this table can be read. Raises UsageError
+    for options that do not fit the table.
+    """
     named = (*options.columns, *options.units)
     if unknown := next((name for name in named if name not in names), ""):
         raise UsageError(
@@ -172,8 +178,8 @@ def _data_of(path: Path, options: TableOptions, names: Sequence[str]) -> Data:
 def _refuse_titles(
     label: str, options: TableOptions, names: Sequence[str], units: Mapping[str, str]
 ) -> None:
-    """Raise DataError if the title of a column ends with a unit that differs from the unit in which
-    the column is read.
+    """Raise DataError if the title of a column ends with a unit, such as `force [N]`, that differs
+    from the unit in which the column is read.
     """
     for name in names:
         title, unit = str(options.columns.get(name, "")), options.units.get(name, units[name])

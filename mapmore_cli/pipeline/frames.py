@@ -37,8 +37,8 @@ class Door:
     clock: bool = False
 
     def numbers(self, values: object, what: str, axis: str = "row") -> Array:
-        """Return values as numbers, in an array of the same shape. Messages call the values `what`.
-        Missing values (masked, None, NA, NaT) become NaN.
+        """Return values as numbers, in an array of the same shape. Missing values (masked, None,
+        NA, NaT) become NaN. `what` is the name of the values in error messages.
 
         Raises DataError for values that are not numbers (texts, truth values, complex numbers, and
         dates unless `clock` is True), and for units that cannot be converted.

@@ -23,8 +23,11 @@ ORDER = ("error", "warning", "hint")
 
 @dataclass(frozen=True)
 class Inspection:
-    """Result of an inspection. It has the curves (None if they could not be made), all issues with
-    the worst first, and the settings and the folder with which the data were read.
+    """Result of an inspection.
+
+    - `dataset`: the curves; None if they could not be made.
+    - `issues`: all findings of the rules, the worst first.
+    - `read_by`: the settings and the folder with which the data were read.
     """
 
     dataset: Dataset | None
@@ -33,9 +36,9 @@ class Inspection:
 
     @property
     def verdict(self) -> MapmoreError | None:
-        """The error with which the command ends; None if there are no errors. It is a SpecError if
-        there are mistakes in the spec, because these must be corrected before the data can be
-        checked.
+        """Error that `mapmore check` raises at its end; None if no finding is an error. If the
+        errors are mistakes in the spec, it is a SpecError, because they must be corrected before
+        the data can be checked. Otherwise, it is a DataError.
         """
         errors = [issue for issue in self.issues if issue.severity == "error"]
         if not errors:
@@ -54,17 +57,17 @@ def inspect(
     warn: Warn = lambda _: None,
     before: Inspection | None = None,
 ) -> Inspection:
-    """Apply every rule. If `before` is an earlier inspection with the same settings for reading,
-    its data are not read again.
+    """Apply every rule to a study, and return the findings. If `before` is an earlier inspection
+    with the same settings for reading, the data of this inspection are used and not read again.
 
-    If the curves cannot be made, only the recordings are checked. Notes of the search in `run_dir`
-    are repeated, for example that a black box has a smaller error.
+    If the curves cannot be made, only the recordings are checked. If a search has been run in
+    `run_dir`, its findings are included, for example that a black box has a smaller error.
 
     Raises
     ------
     SpecError, DataError
-        A spec on which this spec builds has a mistake, or no curves can be made and no rule gives
-        the reason.
+        The spec of another run that this study needs has a mistake; or no curves can be made, and
+        no rule gives the reason.
     """
     needed = {
         run.need.key: run.loaded for stage in pipeline() for run in needed_runs(stage, loaded)
@@ -81,7 +84,8 @@ def inspect(
             return _sorted(None, [*issues_of_other, _no_curves(fault, loaded)], read_by)
         raise
     issues = issues_of(loaded, dataset, hints=True)
-    # the run also fails if one of the runs fails that it needs, or is compared with
+    # other runs that this run needs, or with which it is compared, are checked too: if one of
+    # them fails, this run fails
     for key, other in needed.items():
         try:
             issues_of_other = issues_of(

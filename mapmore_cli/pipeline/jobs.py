@@ -25,8 +25,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Job:
-    """A run to be brought up to date. It has the spec with overrides, the folder of runs, options,
-    and the last stage that is wanted.
+    """A run that must be brought up to date.
+
+    - `config`, `overrides`: file of the spec, and settings that replace settings in it.
+    - `runs`: folder of all runs.
+    - `options`: options for bringing the run up to date.
+    - `until`: last stage that is needed.
     """
 
     config: Path
@@ -36,9 +40,11 @@ class Job:
     until: str = "report"
 
     def elsewhere(self) -> Job:
-        """Return the job for another machine, with absolute paths. The job waits while another
-        process is writing its run: if the connection was lost, the job may be started a second time
-        while the process of the first start still works.
+        """Return the job in a form that another machine can do, with absolute paths.
+
+        Such a job waits if another process is writing the same run. If the connection to a machine
+        is lost, the job may be started again on another machine, while the first machine is still
+        working on it.
         """
         campaign = self.options.campaign
         options = replace(
@@ -51,7 +57,9 @@ class Job:
 
 @dataclass(frozen=True)
 class Finished:
-    """A completed run, with its duration in `seconds`, and the `limits` for its scores."""
+    """Result of a completed run. `seconds` is the duration of the run, and `limits` are the limits
+    that the spec sets for the scores (`validate.require`).
+    """
 
     name: str
     run_dir: Path
@@ -86,14 +94,16 @@ class Finished:
 
     @property
     def missed(self) -> tuple[str, ...]:
-        """One sentence for each limit that the scores of the run miss."""
+        """Sentences about the limits in `validate.require` that the scores do not keep, one for
+        each limit.
+        """
         return tuple(limit.sentence for limit in self.limits if not limit.kept)
 
 
 def _alerts(outcome: RunOutcome, unconfirmed: Sequence[str]) -> tuple[Alert, ...]:
-    """Return the warnings about the scores of a completed run, as they stand on its page. For a run
-    that was up to date already, they are taken from the page of all runs, so that the results need
-    not be read.
+    """Return the warnings about the scores of a completed run, which are also on its page. If no
+    stage had to run, the warnings are taken from the page of all runs, because this is quicker than
+    reading the results.
     """
     from mapmore_cli.pipeline.runs_rows import known_alerts
 
@@ -123,8 +133,9 @@ def run_one(job: Job) -> Finished:
 
 
 def note_sources(job: Job, done: Finished | None) -> None:
-    """Record the spec and the recordings of a job as files that were read (`storage.inputs`),
-    because another process reads them. `done` is the job's result if its run is up to date.
+    """Record the spec and the recordings of a job as files that the command reads
+    (`storage.inputs`). This is necessary because another process reads them. `done` is the result
+    of the job if its run is already up to date; otherwise, it is None.
 
     Raises WriteError if one of these files is an output of the command.
     """

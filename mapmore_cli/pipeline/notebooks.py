@@ -109,10 +109,10 @@ class LoadedModel:
         output is NaN if an input is not finite. With several outputs, return a mapping from their
         names to their values.
 
-        With `time`, the inputs are samples of one recording. Rates and directions are computed from
-        them, and a model with memory is computed along them (NaN at the first samples if earlier
-        ones are needed). Warns (UserWarning) if points lie outside the training range. Raises
-        `TypeError` for a missing or unknown input.
+        With `time`, the inputs are samples of one recording. Rates and directions are then computed
+        from these samples, and a model with memory predicts the samples one after the other. If it
+        needs earlier samples, its output is NaN at the first samples. Warns (UserWarning) if points
+        lie outside the training range. Raises `TypeError` for a missing or unknown input.
         """
         flat, shape = self._flattened(columns)
         outside = int(outside_range(self.model, flat).sum())
@@ -226,16 +226,17 @@ class LoadedModel:
     def invert(
         self, name: str, wanted: ArrayLike | None = None, rule: str = LOWEST, **given: ArrayLike
     ) -> Inverse:
-        """Return every value of the input `name` that gives the `wanted` output at the other
-        inputs, row by row.
+        """Return, for each row, all values of the input `name` for which the model predicts the
+        `wanted` output. The other inputs have the `given` values of the row.
 
         Values are searched between the smallest and the largest value of this input in the training
         data. In combination with the other inputs, such a value can still be outside the measured
         data: see `outside_range`.
 
         The wanted output may be passed by its name: `invert("pressure", force=100, strain=0.1)`.
-        The rule `lowest` selects the lowest solution, and `nearest` selects the solution that is
-        nearest to that of the previous row. Models with memory cannot be inverted.
+        `rule` selects one of several solutions: `lowest` selects the lowest one, and `nearest`
+        selects the one that is nearest to the selected solution of the previous row. Models with
+        memory cannot be inverted.
         """
         if wanted is None:
             if self.output.name not in given:
@@ -253,7 +254,8 @@ class LoadedModel:
 
     def _flattened(self, columns: dict[str, ArrayLike]) -> tuple[dict[str, Array], tuple[int, ...]]:
         signals = self.model.signals
-        # not needed if rates and directions are passed, because they only serve to compute these
+        # these inputs are allowed, but are not needed if the rates and directions themselves are
+        # passed
         spare = {"time", *(signal.of for signal in signals)} if signals else set[str]()
         known = (
             {*columns} if "time" in columns else {*columns, *(signal.name for signal in signals)}

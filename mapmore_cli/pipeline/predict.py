@@ -37,15 +37,18 @@ from mapmore_cli.pipeline.records import (
 )
 
 CHUNK = 20_000
-"""Rows in memory at a time, if rows are independent."""
+"""Number of rows that are in memory at a time, if the prediction of a row does not depend on other
+rows.
+"""
 
 FLAG = "outside_range"
 
 
 @dataclass(frozen=True)
 class Predictor:
-    """Computation of the columns that are added to a table. These columns are the outputs (or the
-    input for which the model is inverted), the ends of the interval at a `level`, and derivatives.
+    """Computation of the columns that are added to a table. These are the predicted outputs (or the
+    input for which the model is inverted), the flag `outside_range`, and, if requested, both ends
+    of the interval at a `level` and derivatives.
     """
 
     model: Model
@@ -66,7 +69,10 @@ class Predictor:
         return names
 
     def runs(self, in_parts: bool) -> list[Callable[[Columns], SimulatedRun]]:
-        """Return, for every output, a function that predicts the rows of a recording."""
+        """Return a function for every output that predicts rows of a recording. If `in_parts` is
+        True, the function of a model with memory can be called with the blocks of a recording one
+        after the other. It then continues each block from its state at the end of the block before.
+        """
         return [
             (running(part) if in_parts else None) or partial(simulate, part)
             for part in self.model.each
@@ -75,12 +81,12 @@ class Predictor:
     def numbers(
         self, columns: Columns, rows: IntArray, runs: Sequence[Callable[[Columns], SimulatedRun]]
     ) -> tuple[Array, BoolArray, list[int]]:
-        """Return three results for complete rows. They are the added columns without the flags, (n,
-        m - 1); the flags, (n,), which are True for rows outside the training range; and the rows at
-        which a free run diverges.
+        """Compute the added columns for rows without missing fields. Three results are returned:
+        the columns without the flag, (n, m - 1); the flag, (n,), which is True for rows outside the
+        training range; and the rows at which the free run of a model diverges.
 
-        If signals are computed from other columns, the parts of a recording between its gaps are
-        processed separately. `rows` are the row numbers for messages.
+        If rates or directions are computed from other columns, a recording is cut at its gaps, and
+        each piece is computed separately. `rows` are the indices of the rows, for messages.
         """
         model, reading = self.model, self.reading
         if reading.turned_for is not None:
@@ -95,7 +101,8 @@ class Predictor:
                 inputs = with_signals(reading.signals, inputs)
             except DataError:  # the window of a rate may contain too few samples
                 continue
-            # terms may overflow far outside the training range; the flag marks such rows
+            # no warning from NumPy is wanted: terms may overflow far outside the training range,
+            # and the flag marks such rows anyway
             with np.errstate(all="ignore"), numbered(rows[part]):
                 outcomes = [run(inputs) for run in runs]
                 beyond = outside[part] = outside_range(model, inputs)
@@ -118,8 +125,8 @@ class Predictor:
         columns: dict[str, Array],
         runs: Sequence[Callable[[Columns], SimulatedRun]],
     ) -> tuple[list[str], list[int]]:
-        """Return the added fields of every row of a block, and the rows at which a free run
-        diverges.
+        """Return the text of the added fields for every row of a block, and the indices of the rows
+        at which the free run of a model diverges.
         """
         needed = (columns[name] for name in self.reading.columns)
         known = np.flatnonzero(complete(needed, len(block)))
@@ -258,8 +265,8 @@ def inverted_lines(
 
 
 def _reading_turned(model: Model, name: str) -> Reading:
-    """Return the columns that must be read to invert the model. Raises UsageError if the model
-    cannot be inverted.
+    """Return the columns that must be read to invert the model for its input `name`. Raises
+    UsageError if the model cannot be inverted for this input.
     """
     inputs = alone(model).input_names
     if name not in inputs:

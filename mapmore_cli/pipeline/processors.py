@@ -35,8 +35,8 @@ MOST_PROCESSES = 4
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Restrict BLAS to one thread, so that sums are the same on every machine and runs do not
-    compete for processors.
+    """Restrict BLAS to one thread within the context. Sums are then the same on every machine, and
+    runs do not compete for processors.
 
     A BLAS library that is already loaded is restricted by a call. A library that is loaded later,
     for example that of SciPy, reads environment variables when it is loaded.
@@ -49,8 +49,9 @@ def one_blas_thread() -> Iterator[None]:
 
 @cache
 def _thread_pools(_with_scipy: bool) -> ThreadpoolController:
-    """Return the loaded libraries that use threads. The result is kept until SciPy is loaded,
-    because the search for libraries takes longer than a small stage.
+    """Return a controller of all loaded libraries that use threads, such as BLAS. The result is
+    cached, because the search for libraries takes longer than a small stage. It is computed again
+    when `_with_scipy` changes, that is, when SciPy and its library have been loaded.
     """
     import numpy  # noqa: F401 - has one of them
     from threadpoolctl import ThreadpoolController
@@ -73,10 +74,11 @@ def variables_set(variables: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def processes(count: int, method: str, work: object = None) -> Iterator[ProcessPoolExecutor]:
-    """Start `count` worker processes by `method` (`fork` or `spawn`).
+    """Start `count` worker processes by `method` (`fork` or `spawn`), and return a pool of them.
 
-    They end when the context ends, or when this process ends for any reason. If an error or an
-    interrupt ends the context, the worker processes are killed during their work.
+    The worker processes end when the context ends, or when this process ends for any reason. If the
+    context ends by an error or an interrupt, the worker processes are killed without waiting for
+    their work.
 
     `work` is the function and the items for `_do_numbered`. Forks inherit `work` with the memory of
     this process, so that it need not be pickled.
@@ -86,7 +88,8 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
     begin = partial(_begin, os.getpid(), work)
     try:
         pool = ProcessPoolExecutor(count, get_context(method), initializer=begin)
-    # this system may have no locks between processes, or no space for the files of such locks
+    # a pool needs locks between processes; the system may not support them, or may have no space
+    # left for their files
     except (OSError, NotImplementedError) as fault:
         raise WriteError(
             f"a worker process cannot be started: {getattr(fault, 'strerror', None) or fault}",
@@ -102,8 +105,8 @@ def processes(count: int, method: str, work: object = None) -> Iterator[ProcessP
 
 
 _shared: object = None
-"""In a worker process: the function and the items of the work, which it has from the parent
-process.
+"""In a worker process: the function and the items of `shared_out`, which the parent process has
+passed on. In other processes: None.
 """
 
 
@@ -113,7 +116,7 @@ def _begin(parent: int, work: object) -> None:
     _shared = work
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    warnings.simplefilter("ignore", PluginLeftOut)  # the parent process shows them
+    warnings.simplefilter("ignore", PluginLeftOut)  # the parent process shows these warnings
     if sys.platform == "linux":
         import ctypes
 
@@ -125,8 +128,9 @@ def _begin(parent: int, work: object) -> None:
 
 
 def _watch_parent() -> NoReturn:
-    """End this process when the parent process ends. It notices that end by a pipe that only the
-    parent process holds open. Run folders remain valid, whenever the process ends.
+    """End this process when the parent process ends. The end is recognised by a pipe that only the
+    parent process holds open. The process may be killed at any time, because run folders are valid
+    after every step.
     """
     from multiprocessing import parent_process
 
@@ -137,8 +141,9 @@ def _watch_parent() -> NoReturn:
 
 @contextmanager
 def deaf_to_interrupts() -> Iterator[None]:
-    """Make processes that start within the context ignore Ctrl-C, because each of them would print
-    a traceback. In this process, Ctrl-C is handled when the context ends.
+    """Make worker processes that start within the context ignore Ctrl-C from their start;
+    otherwise, each of them would print a traceback. If Ctrl-C arrives within the context, this
+    process handles it at the end of the context.
     """
     if sys.platform == "win32":
         yield
@@ -151,14 +156,16 @@ def deaf_to_interrupts() -> Iterator[None]:
 
 
 def free_processors() -> int:
-    """Return the number of processes for parallel work: one if forks are not safe, or if all
-    processors are busy.
+    """Return the number of processes to use for parallel work: the number of processors, but at
+    most `MOST_PROCESSES`. Return 1 if the work must not be distributed, for two possible reasons:
 
-    A fork of a process with threads may hang, and on macOS even one without threads. Therefore,
-    forks are used only on Linux, and only by a process with one thread. A worker process starts no
-    further processes.
+    - Forks are not safe. A fork of a process with several threads may hang; on macOS, even a fork
+      of a process with one thread may hang. Therefore, forks are used only on Linux, and only by a
+      process with one thread.
+    - This process is itself a worker process, or already has worker processes.
     """
-    threads = "/proc/self/task"  # without /proc, this folder does not exist
+    # folder with one entry for each thread of this process; some systems lack `/proc`
+    threads = "/proc/self/task"
     if sys.platform != "linux" or not os.access(threads, os.R_OK):
         return 1
     if sum(1 for _ in os.scandir(threads)) != 1:
@@ -175,21 +182,21 @@ def shared_out(
     progress: Callable[[int, int], None] = lambda _done, _total: None,
     workers: int | None = None,
 ) -> list[R]:
-    """Return `[work(item) for item in items]`, computed by forks of this process, which have the
-    items already.
+    """Return `[work(item) for item in items]`, computed in parallel by forks of this process. A
+    fork has a copy of the memory, so that the items need not be sent to it.
 
-    The results must be picklable; anything else that a fork changes is lost. If a fork returns no
-    result for any reason, this process computes the result, so that errors are raised as without
-    forks.
+    The results must be picklable. If a fork changes anything else, for example a global variable,
+    this process does not see the change. If a fork fails for any reason and returns no result, this
+    process computes the result itself, so that errors are raised as without forks.
 
     - `progress`: function that is called with the number of finished items and the number of all
       items.
-    - `workers`: number of forks; by default, the number of free processors (`free_processors`).
+    - `workers`: number of forks; by default, `free_processors()`.
     """
     delivered: dict[int, R] = {}
     count = min(len(items), free_processors() if workers is None else workers)
     if count > 1:
-        # if no worker process can be started, this process does all items below
+        # if no worker process can be started, this process computes all items below
         with suppress(OSError, WriteError), processes(count, "fork", (work, items)) as pool:
             with deaf_to_interrupts():
                 futures = [pool.submit(_do_numbered, number) for number in range(len(items))]

@@ -28,16 +28,19 @@ RECORDING = "recording"
 """Column that distinguishes recordings, if a table has it."""
 
 GAP = 10
-"""Multiple of the usual time step. A longer step is a gap, and the past before a gap is not used.
+"""A time step that is longer than this multiple of the usual time step is a gap. For predictions
+after a gap, samples before it are not used.
 """
 
 
 def by_recording(
     rows: Iterator[Row], names: Sequence[str], most: float
 ) -> Iterator[tuple[list[Row], bool]]:
-    """Yield the rows in blocks of at most `most` rows, and True for each block with which a
-    recording begins. A block contains rows of one recording only. A recording ends where the column
-    `recording` changes or time goes back.
+    """Yield blocks of at most `most` rows of one recording, each with a flag. The flag is True if a
+    recording begins with this block, and False if the block continues the recording of the previous
+    block.
+
+    A recording ends if the value in the column `recording` changes, or if time goes back.
     """
     mark = names.index(RECORDING) if RECORDING in names else None
     clock = names.index("time")
@@ -57,7 +60,9 @@ def by_recording(
 
 
 def _time(cell: str) -> float:
-    """Return the time in a field; NaN for a malformed field, which `values` reports later."""
+    """Return the time in a field. A malformed field gives NaN; `Sheet.values` raises the error for
+    it later.
+    """
     try:
         return CellReader(clock=True)(cell)
     except NotANumber:
@@ -65,8 +70,8 @@ def _time(cell: str) -> float:
 
 
 def between_gaps(time: Array) -> list[slice]:
-    """Return the parts of a recording between its gaps. `time`, (n,), is finite and never
-    decreases.
+    """Cut a recording at its gaps in time, and return the pieces as slices. `time`, (n,), is finite
+    and never decreases.
     """
     if len(time) < 2:
         return [slice(0, len(time))]
@@ -77,11 +82,11 @@ def between_gaps(time: Array) -> list[slice]:
 class Reading:
     """The quantities that are read from a table.
 
-    - `columns`: quantities that a row needs for its prediction.
-    - `signals`: quantities that are computed from the columns over time.
-    - `outputs`: measured outputs with which a model with memory starts; in later rows, they may be
-      empty.
-    - `over_time`: True if rows belong to recordings, and `time` is among the columns.
+    - `columns`: quantities without which a row cannot be predicted.
+    - `signals`: rates and directions that are computed from the columns.
+    - `outputs`: measured outputs with which a model with memory starts; in later rows, these fields
+      may be empty.
+    - `over_time`: True if the order of the rows in time matters; `time` is then among the columns.
     - `turned_for`: input for which the model is inverted, so that the output is read instead of
       this input; None for a model that is not inverted.
     """
@@ -94,9 +99,12 @@ class Reading:
 
 
 def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
-    """Return the quantities that must be read from a table. They are the inputs of the model. If an
-    input is a signal and the table has no column of it (`columns_there`), its source is read
-    instead. `time` is read if there are such signals, or if the model has memory.
+    """Return the quantities that must be read from a table to predict its rows. `columns_there` are
+    the columns that the table has.
+
+    All inputs of the model are read. But if an input is a rate or a direction and the table has no
+    column of it, the quantity from which it is computed is read instead. `time` is read if there
+    are such inputs, or if the model has memory.
     """
     signals = tuple(signal for signal in model.signals if signal.name not in columns_there)
     over_time = bool(signals) or runs_over_time(model)
@@ -196,8 +204,8 @@ class Sheet:
         return not row.text.strip() and len(self.names) > 1
 
     def values(self, block: Sequence[Row], places: Mapping[str, int]) -> dict[str, Array]:
-        """Return the columns of some rows, (n,) each, with NaN for empty fields. Raises DataError
-        for a field that is not a number.
+        """Return the numbers in the columns with the indices in `places`, (n,) each, for the n rows
+        of `block`; NaN for an empty field. Raises DataError for a field that is not a number.
         """
         columns = [
             (name, place, np.full(len(block), np.nan), self._reader(name))
@@ -221,7 +229,9 @@ class Sheet:
         return {name: values for name, _, values, _ in columns}
 
     def _reader(self, name: str) -> CellReader:
-        """Return the reader of the cells of a column. It is the same reader in all blocks."""
+        """Return the reader of the cells of a column. All blocks use the same reader, because it
+        remembers the form of time stamps.
+        """
         usual = "correct the cell, or leave it empty"
         return self._readers.setdefault(name, CellReader(clock=name == "time", usual=usual))
 
@@ -235,12 +245,16 @@ class Sheet:
 
 EXAMPLE = "write it as pressure=0:600:25,strain=0:0.25:0.01 (first:last:step, or one value)"
 MOST_POINTS = 10_000_000
-"""Largest number of points of a grid; more are probably a mistyped step."""
+"""Largest number of points of a grid. A grid with more points is refused, because a step is
+probably mistyped.
+"""
 
 
 def grid_lines(text: str, inputs: Sequence[str]) -> Iterator[str]:
-    """Yield a grid as lines of a CSV table: the header, and a line for each point. The last input
-    in `text` varies fastest, and the grid includes both ends of every input.
+    """Yield the points of a grid as lines of a CSV table, after a header. `text` gives the first
+    value, the last value and the step of every input, for example
+    `pressure=0:600:25,strain=0:0.25:0.01`. Both the first and the last value are included. The last
+    input in `text` varies fastest.
 
     Raises UsageError if `text` is malformed, names an input twice, names an unknown input, leaves
     an input out, or has a step that does not lead from the first value to the last.

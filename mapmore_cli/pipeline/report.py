@@ -34,15 +34,17 @@ LEFT_OUT = (
 
 @dataclass(frozen=True)
 class ReportSlice:
-    """Part of the resolved spec on which only the report depends. If any other part changes, an
-    earlier stage must run again.
+    """Part of the spec on which only the report depends. A change of this part repeats only the
+    stage `report`; a change of any other part repeats an earlier stage too.
     """
 
     name: str
     muscle: Muscle
     validate: Validate
     report: Report
-    left_out: str  # what cross-validation leaves out: `level`, `group` or nothing
+    # `level` if cross-validation leaves out one level after the other, `group` if it leaves out
+    # one group after the other; empty without cross-validation
+    left_out: str
     unconfirmed: tuple[str, ...] = ()
 
 
@@ -76,9 +78,10 @@ def write_pages(part: ReportSlice, workspace: Workspace) -> None:
 
 
 def provenance_of(run_dir: Path) -> dict[str, Any]:
-    """Return the origin of the numbers, from the record of the run. It consists of the command that
-    repeats the run (in the folder that contains the folder of runs), versions, and hashes of the
-    recordings. Times stand only in run.json, so that the page always has the same bytes.
+    """Return information about the origin of the results, from the record of the run: the command
+    that repeats the run, the versions of the tools, and the hashes of the recordings. The command
+    must be entered in the folder that contains the folder of runs. Times are left out, so that
+    repeating a run gives a page with the same bytes; they are stored in `run.json` only.
     """
     from mapmore_cli.storage.run_record import load_origin, load_records, tool_versions
 
@@ -106,8 +109,8 @@ MOST_HASHES = 40
 
 
 def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> tuple[ReportInputs, ...]:
-    """Return, for each output, the results of the earlier stages together with the report settings
-    of the spec.
+    """Collect the results of the earlier stages and the report settings of the spec. The collection
+    is returned once for each output of the model.
     """
     files = RunFiles(run_dir)
     results = (files.dataset(), files.model(), files.fit(), files.validation())
@@ -213,19 +216,20 @@ def drawn_figure(
     looks: Sequence[str] = (),
     models: Sequence[str] = (),
 ) -> tuple[bytes, str | None]:
-    """Draw a figure of a run, and return it as the contents of a file. It is the whole figure, or
-    the panel of one curve (or model) in the width that the spec gives. The numbers of a panel are
-    returned as CSV.
+    """Draw a figure of a run, and return the contents of an image file. If `key` is None, the whole
+    figure is drawn. Otherwise, only the panel of the curve or model `key` is drawn, and its numbers
+    are returned as CSV too.
 
     - `name`: name of the figure, such as `fit`; with several outputs, preceded by the output, such
       as `tip_x.fit`.
-    - `warn`: called if this machine does not have a font.
-    - `models`: competitors that are drawn; all of them if empty.
+    - `suffix`: format of the file.
+    - `warn`: function that is called if the font of the figures is not installed on this machine.
     - `looks`: settings that replace settings of the run's spec, such as `report.style.width=120
       mm`.
+    - `models`: competitors that are drawn; all of them if empty.
 
-    Raises DataError if the folder holds no finished run; UsageError for an unknown panel (the
-    message names the known ones), or if `looks` has other settings.
+    Raises DataError if the folder holds no finished run; UsageError for an unknown figure or panel
+    (the message names the known ones), or if `looks` has other settings than `report.style`.
     """
     from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
@@ -271,8 +275,8 @@ def drawn_figure(
 
 
 def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equation, ...]]:
-    """Return the equations of the model, with some quantities and their rates in the given `units`.
-    Without `units`, the result is empty.
+    """Return the equations of the model in other units: `units` gives the unit of some quantities,
+    and also changes the units of their rates. The result is empty if `units` is empty.
     """
     from mapmore_cli.modelling.kinds import equations as model_equations
     from mapmore_cli.study.units import convert, default_unit

@@ -76,8 +76,8 @@ is up to date.
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """Result of bringing a run up to date: `done` or `up-to-date` for every stage, and the reasons
-    why stages ran.
+    """Result of bringing a run up to date. `stages` holds, for every stage, `done` if it ran, and
+    `up-to-date` if it did not have to. `reasons` holds, for every stage that ran, the reason why.
     """
 
     name: str
@@ -93,9 +93,9 @@ class Options:
     - `force`: True to repeat stages that are up to date.
     - `rehash`: True to compute the hashes of sources and outputs again, even if their size and time
       are unchanged.
-    - `check`: True if an error from the rules of `checking` ends the run.
-    - `campaign`: file of the campaign to which the run belongs.
-    - `patient`: True to wait while another process is writing the run.
+    - `check`: True to stop the run if the rules of `checking` find an error.
+    - `campaign`: file of the campaign to which the run belongs; None if it belongs to none.
+    - `patient`: True to wait if another process is writing the run; False to raise an error.
     """
 
     force: bool = False
@@ -124,7 +124,8 @@ def explain(
     run_dir = runs / loaded.spec.name
     how = (run_dir, load_records(run_dir, warn), options.rehash, options.force)
     reasons = {plan.stage.name: plan.reason for plan in plan_stages(stages, until, loaded, *how)}
-    if until not in reasons:  # the plans of later stages depend on the search
+    # the stages after the search cannot be planned before the search has found a structure
+    if until not in reasons:
         every = [stage.name for stage in pipeline()]
         reasons |= dict.fromkeys(every[1 : every.index(until) + 1], f"follows from {SEARCH_STAGE}")
     return list(reasons.items())
@@ -175,8 +176,9 @@ def bring_up_to_date(
 
 
 def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
-    """Return the present origin of the run. Raises WriteError if the run folder contains a run of
-    the same name that was made from another spec, and this other spec still exists.
+    """Return the origin of the run: the spec, the campaign and the settings from which it is made
+    now. Raises WriteError if the folder contains a run of the same name that was made from another
+    spec, and if this other spec still exists.
     """
     here = Origin(
         _from(run_dir, loaded.path),
@@ -189,7 +191,8 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
         and loaded.path.name in (RESOLVED_SPEC, FOUND)
         and loaded.path.resolve().parent.parent == run_dir.resolve().parent
     ):
-        # the resolved spec in the run folder belongs to this run, so the origin does not change
+        # the run is repeated with the copy of the spec in its own folder; its origin remains the
+        # original spec
         return before
     rival = here.rival_of(before, run_dir) if before is not None else None
     if rival is not None:
@@ -202,9 +205,9 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
 
 
 def _from(run_dir: Path, path: Path) -> str:
-    """Return the path relative to the run folder. If the relative path would lead through the root
-    folder, return only the file name, because files of a run must not contain names of private
-    folders.
+    """Return `path` relative to the run folder. If both paths have only the root folder in common,
+    return only the file name: the relative path would contain the names of private folders, and
+    files of a run must not contain them.
     """
     path, run_dir = path.resolve(), run_dir.resolve()
     if os.path.commonpath([path, run_dir]) == path.anchor:
@@ -214,9 +217,9 @@ def _from(run_dir: Path, path: Path) -> str:
 
 @dataclass(frozen=True)
 class _Run:
-    """A run in its folder, and the functions to which it reports. If `stages` is not None, it
-    replaces the stages of the pipeline. `written` lists further files that are not in the record
-    yet.
+    """A run in its folder, and the functions that report on its work. `stages` is None for the
+    stages of the pipeline; other stages replace them. `written` holds stamps of further files that
+    were written, but are not in the record of the run yet.
     """
 
     loaded: LoadedSpec
@@ -231,14 +234,15 @@ class _Run:
 
     def settled(self, until: str) -> list[StagePlan] | None:
         """Return the plans of the stages if all stages are up to date; None if there may be work to
-        do. The lock of the run is not taken, so that several processes can read the run at the same
-        time.
+        do.
 
-        This is safe, because results are moved into place as a whole and committed last. If another
-        process seems to be working, the result is None, and the caller waits for the lock.
+        The lock of the run is not taken, so that several processes can do this at the same time. It
+        is safe, because results are moved into place as a whole, and their entry in the record is
+        written last. If another process seems to be writing the run, the result is None, and the
+        caller waits for the lock.
         """
         records, runs = load_records(self.run_dir), self.run_dir.parent
-        # a stage without a record must run, so there is no need to check its sources
+        # if the last stage has no record yet, it must run, so the sources need not be checked
         if until not in records:
             return None
         plans = list(self.planned(until, records))
@@ -275,7 +279,8 @@ class _Run:
         if self.loaded.spec.model.type != AUTO:
             records.pop(SEARCH_STAGE, None)
         if load_origin(self.run_dir) != self.origin:
-            # written first, so that the folder of a new run is recognised as a run folder
+            # the record is written before the first stage runs, so that the folder is recognised
+            # as a run folder
             self.save(records)
         plans, kept = list[StagePlan](), dict(records)
         for plan in self.planned(until, records):
@@ -307,8 +312,8 @@ class _Run:
         self.written.clear()
 
     def write(self, name: str, text: str) -> None:
-        """Write a further file of the run. If the file already contains this text, it is not
-        written.
+        """Write a file of the run in addition to the outputs of its stages. If the file already
+        contains this text, nothing is written.
         """
         path = self.run_dir / name
         if not holds(path, text.encode()):
@@ -317,8 +322,8 @@ class _Run:
         self.written[name] = take_stamp(path)
 
     def tell_taken(self, paths: Sequence[str]) -> None:
-        """Warn about files that were moved to the trash because somebody changed them after the run
-        wrote them.
+        """Warn about files that were moved to the trash, because somebody changed them after the
+        run wrote them, or because the run did not write them.
         """
         if paths:
             self.warn(
@@ -328,15 +333,15 @@ class _Run:
             )
 
     def planned(self, until: str, records: Mapping[str, StageRecord]) -> Iterator[StagePlan]:
-        """Yield the plan of one stage after the other. Each plan is made from the files as they are
-        at that moment.
+        """Yield the plans of the stages, one after the other. A plan is made only when it is
+        requested, so that it depends on the results of the stages that have run by then.
         """
         how = (self.run_dir, records, self.options.rehash, self.options.force)
         return plan_stages(self.stages, until, self.loaded, *how)
 
     def make(self, plan: StagePlan, needed: Mapping[str, Path]) -> StageRecord:
-        """Run one stage, move its outputs into place, and return the entry that commits them.
-        `needed` holds the folders of the runs whose models the stage needs.
+        """Run one stage, move its outputs into the run folder, and return its entry for the record
+        of the run. `needed` holds the folders of the other runs whose models the stage needs.
         """
         started, stage = time.perf_counter(), plan.stage
         with refusals_told(self.run_dir), stage_folder(self.run_dir, stage.name) as out:
@@ -360,23 +365,24 @@ class _Run:
         return replace(plan.now, outputs=outputs, tools=tool_versions(), seconds=seconds, why=why)
 
     def checks(self, plan: StagePlan, until: str) -> bool:
-        """Return True if the rules are applied after this stage. They are applied only after
-        ingest, and only if a later stage was requested too.
+        """Return True if the rules are applied after this stage. This is the stage ingest, unless
+        it is the last stage that was requested.
         """
         return plan.stage is pipeline()[0] and plan.stage.name != until
 
     def known_findings(self, ingest: StagePlan) -> tuple[findings.Issue, ...] | None:
-        """Return the stored findings of the rules for these data; None if there are none. If they
-        contain an error, also return None, because the line numbers in its message may have
-        changed.
+        """Return the findings that the rules had for the same data in an earlier run; None if none
+        are stored. Return None also if a finding is an error that stops the run, because the line
+        numbers in its message may have changed since.
         """
         issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint))
         ends = self.options.check and issues is not None and findings.refusal(issues)
         return None if ends or findings.FINDINGS not in written_files(self.run_dir) else issues
 
     def apply_rules(self, ingest: StagePlan) -> None:
-        """Apply the rules to the ingested data, unless this was done already, and report the
-        findings. Raises a finding that is an error.
+        """Apply the rules to the data that the stage ingest has read, and report the findings. If
+        the rules were already applied to the same data, the stored findings are reported. Raises an
+        error for a finding that is an error, unless the option `check` is False.
         """
         issues = self.known_findings(ingest)
         if issues is not None:
@@ -390,8 +396,8 @@ class _Run:
         self.write(findings.FINDINGS, findings.as_text(mark, issues))
 
     def tell(self, issues: Sequence[findings.Issue]) -> None:
-        """Print the findings as warnings. Findings that are errors are raised, unless the option
-        `check` is False.
+        """Report the findings as warnings. Raises an error for findings that are errors, unless the
+        option `check` is False.
         """
         error = findings.refusal(issues) if self.options.check else None
         for issue in issues:
@@ -401,8 +407,8 @@ class _Run:
             raise error
 
     def add_findings(self, fault: MapmoreError, stage: Stage) -> None:
-        """Add what the rules find in the recordings to an error of ingest, because these findings
-        may be the reason why no curves can be made.
+        """Extend the message of an error of the stage ingest by the findings of the rules in the
+        recordings. These findings may be the reason why no curves can be made.
         """
         if self.options.check and stage is pipeline()[0]:
             from mapmore_cli.checking.applied import issues_without_curves
@@ -426,7 +432,7 @@ class _Run:
                     "brings that run up to date"
                 )
         elif not current:
-            # findings that a variation shares with the study are not repeated
+            # a variation of this study often has the same findings; they are not reported again
             known = findings.sentences(self.run_dir)
             try:
                 bring_up_to_date(
@@ -459,9 +465,10 @@ class _Run:
         )
 
     def unwritten(self, until: str) -> dict[str, str]:
-        """Return the specs that belong to the run and are not written yet, by file name: the spec
-        with which the run can be repeated in its folder, and the spec that a search found. Specs
-        that the record lacks are included.
+        """Return the texts of spec files in the run folder that are missing or not up to date, by
+        file name. There are two such files: the spec with which the run can be repeated in its
+        folder, and, after a search, the spec with the structure that was found. A file that the
+        record of the run does not list is returned too.
         """
         spec, texts = as_found(self.loaded, self.run_dir), dict[str, str]()
         if until != SEARCH_STAGE:

@@ -1,5 +1,6 @@
-"""Write the page of all runs of a folder, `RUNS/index.html`. The page also contains its rows as
-data, from which it is written again.
+"""Write the page with a table of all runs in a folder, `RUNS/index.html`. The rows of the table are
+also stored in the page as JSON data, so that the page can be extended without reading all runs
+again.
 """
 
 from __future__ import annotations
@@ -60,7 +61,9 @@ def write_runs_page(
 
 
 def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
-    """Return the rows of a run. If its scores have not changed, the known rows are returned."""
+    """Return the rows of a run, one for each output. If the scores have not changed since `known`
+    rows were written, these rows are returned.
+    """
     ended = (run.run_dir / "scores.json").stat().st_mtime
     if same := [row for row in known if row.ended == ended]:
         return same
@@ -100,7 +103,9 @@ def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
 
 
 def _picture(validation: Validation, dataset: Any) -> tuple[str, str]:
-    """Return SVG paths of the measured and the predicted values along the first held-out curve."""
+    """Return the measured and the predicted values along the first held-out curve as two SVG paths.
+    If nothing is held out, the first curve is drawn.
+    """
     from mapmore_cli.reporting.figures.elements import path
 
     curves = (validation.shown or dataset).curves

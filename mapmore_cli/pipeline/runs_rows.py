@@ -1,5 +1,5 @@
-"""Define the rows of the page of all runs. The page contains its rows as data, from which they are
-read again.
+"""Define the rows of the table on the page of all runs, and read them from the page. The page
+contains the rows as JSON data.
 """
 
 from __future__ import annotations
@@ -16,19 +16,22 @@ from mapmore_cli.storage.atomic import content_of
 
 PAGE = "index.html"
 MARK = '<script type="application/json" id="runs">'
-"""Text before the rows in a page of all runs. A page without it belongs to the user."""
+"""Text that stands before the rows in the page of all runs. If a page does not contain this text,
+mapmore did not write it.
+"""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One output of a run.
+    """Row of the table of all runs: one output of a run.
 
-    - `nrmse`: NRMSE by model, in per cent, for held-out data if there are any.
+    - `nrmse`: NRMSE of each model in per cent, for the held-out data if there are any, otherwise
+      for the training data.
     - `alerts`: sentences that warn about this NRMSE, the worst first.
     - `ended`: time at which the scores were written, in seconds since 1970.
     - `picture`: measured and predicted values along a curve, as two SVG paths.
-    - `seconds`: duration of each stage when it last ran. Pages of single runs contain no times, so
-      that the same input gives the same bytes.
+    - `seconds`: duration of each stage when it last ran. This is stored only here, because the page
+      of a single run contains no times, so that the same input gives the same bytes.
     """
 
     run: str
@@ -83,8 +86,9 @@ def rows_of(place: Path) -> list[Row] | None:
 
 
 def known_alerts(run_dir: Path) -> tuple[Alert, ...] | None:
-    """Return the alerts of a run from the page of all runs, without reading the results of the run.
-    None if the page lacks this run, or has older scores of it.
+    """Return the warnings about the scores of a run, taken from the page of all runs, so that the
+    results of the run need not be read. Return None if the page does not contain this run, or if
+    the scores of the run have changed since the page was written.
     """
     scores = run_dir / "scores.json"
     ended = scores.stat().st_mtime if scores.is_file() else None

@@ -14,12 +14,20 @@ from mapmore_cli.study.sections.results import Competitor
 class ScoresSlice:
     """Part of the spec on which the scores depend, apart from the model.
 
-    `target` is the scored quantity. If the model must be inverted to predict this quantity,
-    `seen_as` names it too; otherwise, `seen_as` is None. `static` is the spec of the static run in
-    `needs`, `lengths` are the muscle's dimensions in m, `cycles_of` is the quantity whose cycles
-    are held out, `robust` is the section `fit` if its loss is robust, and `folds` holds the
-    settings of the models if every level is left out once (cross-validation). `structure_seen`
-    names the data with which the structure was chosen, if these data are held out now.
+    - `target`: quantity whose prediction is scored.
+    - `seen_as`: the same quantity if the model must be inverted to predict it; otherwise None.
+    - `against`, `simple`: competitors that the spec names, and whether simple models are added.
+    - `static`: spec of the static run in `needs`.
+    - `lengths`: dimensions of the muscle in m.
+    - `normaliser`: name of the value by which errors are divided, for example `max`.
+    - `cycles_of`: quantity whose last cycles are held out; None if no cycles are held out.
+    - `folds`: settings with which the model is fitted again if every level or group is left out
+      once (cross-validation); None without cross-validation.
+    - `groups`: quantity that gives the group of a sample.
+    - `without_groups`: True if groups instead of levels are left out.
+    - `structure_seen`: held-out data with which the structure of the model was nevertheless chosen:
+      `levels`, `groups` or `data`; empty if there are none.
+    - `robust`: section `fit` if its loss is robust; otherwise None.
     """
 
     target: str
@@ -38,8 +46,8 @@ class ScoresSlice:
 
 
 def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
-    """Return the part of the spec on which the scores depend. Settings for sums and for load-cycle
-    formulas are included only if the study can have such competitors.
+    """Return the part of the spec on which the scores depend. A setting is left out if it has no
+    effect on the scores of this study, so that a change of it does not repeat the stage.
     """
     spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column

@@ -55,7 +55,7 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
 
 
 def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: Model) -> Validation:
-    """Score the models of one output, and return predictions and scores."""
+    """Fit the competitors for one output, and return the predictions and scores of all models."""
     dataset = measured if part.seen_as is None else scored_as(part.seen_as, measured, model)
     static_run = workspace.needed[part.static] if part.static is not None else None
     contest = Contest(
@@ -112,8 +112,8 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
 def _rows(
     part: ScoresSlice, model: Model, dataset: Dataset, forecasts: Said, scale: Normaliser
 ) -> Iterator[Score]:
-    """Yield the score rows of every model. All models are scored on the samples that all of them
-    predict.
+    """Yield the scores of every model. All models are scored on the same samples: those that every
+    model can predict.
     """
     for name, every in on_common_rows(forecasts).items():
         free = parameters(model) if name == OWN else 0
@@ -123,8 +123,9 @@ def _rows(
 
 
 def _with_seen(scores: list[Score], rivals: list[Rival], dataset: Dataset) -> list[Score]:
-    """Return the score rows. If the model of another run was trained with held-out samples, its
-    rows get the split `seen`.
+    """Return the scores, with the split changed in some of them. If a competitor is the model of
+    another run that was trained with samples that are held out here, its scores on these samples
+    get the split `seen` instead of `validate`.
     """
     saw = {
         rival.name for rival in rivals if rival.run is not None and trained_on(rival.run, dataset)
@@ -138,8 +139,8 @@ def _with_seen(scores: list[Score], rivals: list[Rival], dataset: Dataset) -> li
 def _warn_of_fits(
     warn: Warn, formulas: Mapping[str, FormulaFit], forecasts: Said, dataset: Dataset
 ) -> None:
-    """Warn about formulas that fit nearly as well with other parameters (at another local minimum),
-    and about free runs that diverge.
+    """Warn about formulas whose fit has a second local minimum with nearly the same error, and
+    about models whose free run diverges.
     """
     for name, fit in formulas.items():
         for sentence in rival_minima(name, fit):
@@ -151,8 +152,8 @@ def _warn_of_fits(
 
 
 def _own_forecasts(part: ScoresSlice, model: Model, dataset: Dataset) -> Forecasts:
-    """Return the forecast of every curve by the run's own model. If the model has intervals, they
-    are included.
+    """Return the forecast of every curve by the run's own model. If the model has intervals, the
+    forecasts include them, unless the model is inverted for scoring.
     """
     every = forecast_each(model, dataset.curves, dataset.target)
     if model.left_out is None or part.seen_as is not None:
@@ -162,7 +163,9 @@ def _own_forecasts(part: ScoresSlice, model: Model, dataset: Dataset) -> Forecas
 
 
 def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
-    """Add the half widths of the intervals to the forecast of the held-out samples of a curve."""
+    """Return the forecast of a curve with the half width of the interval at every held-out sample.
+    The half width is NaN at training samples, and outside the training range.
+    """
 
     def known(widths: Array, held_out: BoolArray, beyond: BoolArray) -> Array:
         return np.where(held_out & ~beyond, widths, np.nan)
@@ -173,8 +176,8 @@ def _with_interval(model: Model, curve: Curve, output: Forecast) -> Forecast:
 
 
 def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
-    """Return a warning that names the sample at which the free run of a model diverged, and says
-    that the model therefore has no scores there.
+    """Return a warning that the free run of a model diverges. It names the sample at which this
+    happens, and says that the model has no scores there.
     """
     log = next(number for number, rows in enumerate(curve.logs) if row in rows)
     at = f"sample {int(np.searchsorted(curve.logs[log], row))}"
@@ -187,8 +190,8 @@ def _diverged(name: str, curve: Curve, row: int, dataset: Dataset) -> str:
 
 
 def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
-    """Return the dataset with the input `name` of the model as the target, because this quantity is
-    scored. Raises SpecError if the model has no such input.
+    """Return the dataset with the input `name` of the model as the target, because the model is
+    scored by its prediction of this input. Raises SpecError if the model has no such input.
     """
     inputs = model.input_names
     if name not in inputs:
@@ -201,7 +204,9 @@ def scored_as(name: str, dataset: Dataset, model: Model) -> Dataset:
 
 
 def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: Warn) -> list[Rival]:
-    """Fit every competitor to the training samples of the contest, and return all competitors."""
+    """Fit every competitor to the training samples, and return all competitors. Warns of those
+    whose fit failed.
+    """
     named = {
         competitor if isinstance(competitor, str) else competitor.label
         for competitor in part.against
@@ -221,8 +226,9 @@ def _fit_rivals(contest: Contest, part: ScoresSlice, progress: Progress, warn: W
 def _left_out(
     choices: ModelChoices, contest: Contest, part: ScoresSlice, workspace: Workspace, fitted_to: str
 ) -> tuple[Dataset, Said]:
-    """Return the dataset with all samples held out, and the predictions of each level by models
-    that were fitted without this level.
+    """Predict every sample by models that were fitted without its level, or without its group if
+    the spec leaves out groups (cross-validation). Return the dataset with all samples marked as
+    held out, and the predictions of all models.
     """
 
     def compare(fold: Contest) -> tuple[Said, list[str]]:
@@ -240,8 +246,10 @@ def _left_out(
 def _repeatability_scores(
     part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser
 ) -> Iterator[Score]:
-    """Yield rows for the repeatability. It is computed from held-out cycles, or from measurements
-    that were repeated at the same level, coordinate and direction.
+    """Yield scores for the repeatability of the measurement: each measured value is predicted by
+    its repetitions. The repetitions are other cycles if cycles are held out, and otherwise
+    measurements at the same level, coordinate and direction. Yield nothing if no measurement was
+    repeated.
     """
     data = (dataset.curves, dataset.target)
     if part.cycles_of is not None:

@@ -1,5 +1,5 @@
-"""Implement the first four stages. They make curves from recordings, segments from curves, fits
-from segments, and a model from the fits.
+"""Implement the stages `ingest`, `segment`, `fit` and `fuse`. They make curves from recordings, cut
+the curves into segments, fit the segments, and make a model from the fits.
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ def recordings(spec: ExperimentSpec, folder: Path) -> list[Path]:
 
 
 def static_run(spec: ExperimentSpec) -> list[Need]:
-    """Return the static run if the study models the damping force, which is the force minus the
-    prediction of the static model.
+    """Return the static run that the stage ingest needs. Only studies of the damping force need it,
+    because this force is the measured force minus the prediction of the static model.
     """
     static = spec.needs.static
     return [Need(static)] if spec.target == "damping" and static is not None else []
@@ -84,7 +84,7 @@ INGEST = Stage(
 
 
 def segment_slice(spec: ExperimentSpec) -> ModelChoices:
-    """Return the sections of a spec on which the segments depend. Dictionary, model and fit are
+    """Return the settings on which the segments depend. The dictionary, the model and the fit are
     included only if segment boundaries are chosen by comparing fits.
     """
     spec = with_definitions(spec)
@@ -95,8 +95,9 @@ def segment_slice(spec: ExperimentSpec) -> ModelChoices:
 
 
 def segment(part: ModelChoices, workspace: Workspace) -> None:
-    """Cut every training curve over its own range. With `method: optimal`, boundaries are chosen by
-    comparing fits to the residual of the backbone.
+    """Cut every training curve into segments over its own range, and write the boundaries. With
+    `method: optimal`, boundaries are chosen by comparing the fits of the segments that they give.
+    For a model with a backbone, the segments are fitted to the residual of the backbone.
     """
     from mapmore_cli.fitting.kinds.pieces import segmented
     from mapmore_cli.storage.artefacts import write_segmentation
@@ -126,8 +127,8 @@ SEGMENT = Stage(
 
 
 def fit(part: ModelChoices, workspace: Workspace) -> None:
-    """Fit the model: every segment, one model with memory, or a formula. Nothing is fitted if the
-    models of other runs are added.
+    """Fit the model to the training curves: each segment, one model with memory, or a formula. If
+    the model is a sum of models of other runs, nothing is fitted.
     """
     from mapmore_cli.modelling.frols.offsets import constant_alone, far_from_zero
     from mapmore_cli.storage.artefacts import write_fit
@@ -189,13 +190,16 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
         if (why := interval_limits(left_out)) is not None:
             workspace.warn(f"validate.intervals: {why}")
         model = replace(model, left_out=left_out)
-    # origin of the model, for readers who have only the model file
+    # the model file contains its own origin, because it may be passed on without the run folder
     provenance = {**tool_versions(), "spec": to_json(part, indent=1).decode()}
     write_model(workspace.out / MODEL, model, provenance)
 
 
 def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
-    """Return the model of one output with its signals, and with notes on its data."""
+    """Complete the model of one output: add the rates and directions that it needs, and notes about
+    its residuals. Raises FitError if `fit.shape` requires a sign that the training data contradict
+    or do not support.
+    """
     from mapmore_cli.modelling.signals.rates import needed_signals
     from mapmore_cli.modelling.validation.residuals import explained_by_inputs
 

@@ -21,12 +21,13 @@ from mapmore_cli.study.sections.results import Competitor
 from mapmore_cli.study.yaml_dumper import as_overrides
 
 MODEL_STAGE = "fuse"
-"""Stage after which a run has the model that others read."""
+"""Stage that writes the model, which other runs may need."""
 
 
 def pipeline(searched: bool = False) -> tuple[Stage, ...]:
-    """Return the six stages in order. If the structure of the model is `searched`, the stage of the
-    search follows the stage `ingest`. Stages are imported when they are first needed.
+    """Return the six stages in order. If the structure of the model is `searched`, the stage
+    `search` is added after the stage `ingest`. The modules of the stages are imported only when
+    this function is called.
     """
     from mapmore_cli.pipeline import report, stages, validate
 
@@ -38,10 +39,11 @@ def pipeline(searched: bool = False) -> tuple[Stage, ...]:
 
 @dataclass(frozen=True)
 class Needed:
-    """Another run in the same folder of runs, with its spec.
+    """Another run that a run needs. It has its own spec, and is in the same folder of runs.
 
-    If a run builds on the other run, the other run is brought up to date completely, including its
-    page. If the other run only serves as a competitor, or is a variation, only its model is made.
+    If the model of the other run is a part of this run's model, all stages of the other run are
+    brought up to date, including its page. If the other run only serves as a competitor, or is a
+    variation of this run, only the stages that make its model are brought up to date.
     """
 
     need: Need
@@ -53,8 +55,9 @@ class Needed:
         return MODEL_STAGE if self.need.compared or self.need.overrides else "report"
 
     def is_kept(self, runs: Path) -> bool:
-        """Return True if the other run only serves as a competitor and has a model. This model is
-        then used unchanged, because a comparison must not change the other run.
+        """Return True if the other run is not brought up to date, but its existing model is used.
+        This is so if the other run only serves as a competitor and already has a model, because a
+        comparison must not change another run.
         """
         return self.need.compared and MODEL_STAGE in load_records(runs / self.loaded.spec.name)
 
@@ -87,8 +90,10 @@ def named_runs(specs: Sequence[LoadedSpec]) -> set[str]:
 
 
 def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
-    """Raise SpecError if runs build on each other in a circle. `heirs` are the specs that led to
-    this spec, because each needs the next. A run that only serves as a competitor also needs the
+    """Raise SpecError if the models of runs need each other in a circle. `heirs` are the specs that
+    led to this spec: each of them needs the next, and the last needs this spec.
+
+    The circle may also begin at a competitor of the first spec, because the competitor needs the
     runs on which its model builds.
     """
     spec, chain = loaded.spec, (*heirs, loaded.path.resolve())
@@ -108,8 +113,9 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
 
 
 def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
-    """Return the spec of a variation, which has other settings and no competitors. The variation is
-    itself a competitor, and the competitors of the original spec may not suit it.
+    """Return the spec of a variation: the spec of the study with other settings. A variation is a
+    competitor of the study. It has no competitors itself, because those of the study may not suit
+    its settings.
     """
     overrides = {
         "name": f"{loaded.spec.name}.{variation.key}",
@@ -127,21 +133,28 @@ def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
 
 
 SHORT_MARK = 12
-"""Digits of another run's fingerprint that a reason shows."""
+"""Number of digits of another run's fingerprint that are shown in the reason why a stage must run.
+"""
 
 LONGEST_REASON = 6
-"""Largest number of changes that a reason lists; more are counted."""
+"""Largest number of changes that are listed in the reason why a stage must run. Of further changes,
+only the number is given.
+"""
 
 
 @dataclass(frozen=True)
 class StagePlan:
     """Plan of a stage: the inputs and settings with which it would run now.
 
-    `loaded` is the spec with which it would run: after a search, it has the structure that was
-    found. `part` is the stage's part of this spec. `now` is the entry that the stage would have in
-    the record; its outputs are the committed files that still exist. `reason` says why the stage
-    must run; it is None if the stage is up to date. For such a stage, `now` has the present times
-    of the files, so that the next run need not read them again.
+    - `loaded`: spec with which the stage would run. After a search, it has the structure that was
+      found.
+    - `part`: part of the spec that the stage reads.
+    - `now`: entry that the stage would have in the record of the run. Its outputs are those files
+      of the existing entry that still exist. It contains the present times of all files: if the
+      stage is up to date, it replaces the existing entry, so that the files need not be read again
+      next time.
+    - `needed`: other runs that the stage needs.
+    - `reason`: reason why the stage must run; None if it is up to date.
     """
 
     stage: Stage
@@ -212,8 +225,8 @@ def plans_of(
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
-    """Return the spec with the structure that the search of its run found. If the spec has no
-    search, or if no search is finished, the spec is unchanged.
+    """Return the spec with the structure that the search in its run folder found. Return the spec
+    unchanged if it requests no search, or if no search has finished.
     """
     if loaded.spec.model.type != AUTO:
         return loaded
@@ -222,9 +235,9 @@ def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
 
 
 def _model_mark(run: Needed, stages: Sequence[Stage] | None, runs: Path, rehash: bool) -> str:
-    """Return the fingerprint that the model of another run would have now, even if it does not
-    exist yet. If the other run only serves as a competitor and has a model, return the fingerprint
-    of this model.
+    """Return the first digits of the fingerprint of another run's model. This is the fingerprint
+    that the model would have if the run were brought up to date now; the model need not exist. If
+    the other run only serves as a competitor and has a model, it is the fingerprint of this model.
     """
     if run.is_kept(runs):
         record = load_records(runs / run.loaded.spec.name)[MODEL_STAGE]

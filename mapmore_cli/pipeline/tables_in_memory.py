@@ -33,13 +33,12 @@ Entry = Column | Mapping[str, Any]
 
 
 def columns_in(frame: object, column: Column) -> list[Hashable]:
-    """Return the labels of all columns of a frame to which the `column` of a spec can refer. If the
-    frame has no such column, the list is empty. If the reference is ambiguous, it has several
-    labels.
+    """Return the labels of all columns of a frame that the value `column` in a spec can mean. The
+    list is empty if there is no such column, and has several labels if the value is ambiguous.
 
-    A `column` refers to labels that are equal to it. If no label is equal, the text "2" refers to
-    the label 2, because both are written alike. If no label is a number, a number is an index,
-    counted from 0.
+    A text means the labels that are equal to it. If there is none, it means the labels that are
+    written in the same way: "2" means the label 2. A number means the labels that are equal to it.
+    In a frame whose labels are not numbers, it is the index of a column, counted from 0.
     """
     labels = labels_of(frame) or ()
     exact: list[Hashable] = [
@@ -52,10 +51,10 @@ def columns_in(frame: object, column: Column) -> list[Hashable]:
 
 
 def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]]:
-    """Return the section `columns` for a frame. It contains the columns whose labels are known
-    quantities, for example `pressure`. If the `target` is the label of a column, the section
-    contains all columns whose labels can be names of quantities. Raises SpecError if there are
-    none.
+    """Return a section `columns`, as in a spec, for a frame. It contains the columns whose labels
+    are quantities that mapmore knows, for example `pressure`. If the `target` is a column with
+    another label, it contains all columns whose labels can be names of quantities. Raises SpecError
+    if it would be empty.
     """
     names = tuple(map(str, labels_of(frame) or ()))
     section = as_target(target)
@@ -75,10 +74,10 @@ def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]
 def with_canonical_columns(
     frames: Sequence[object], columns: Mapping[str, Any], made: Collection[str]
 ) -> dict[str, Any]:
-    """Return the section `columns` with further columns added. A column is added if all frames have
-    it, the section does not use it yet, and its label is a known quantity, for example `pressure`.
-    A quantity that the section already contains, or that is derived from others (`made`), is not
-    added.
+    """Return the section `columns` with further columns added. A column is added if four conditions
+    are fulfilled: its label is a quantity that mapmore knows, for example `pressure`; all frames
+    have it; the section does not use it for another quantity; and the quantity is not derived from
+    others (`made`). The entries that the section already has are unchanged.
     """
     frame, *others = frames
     used = {label for entry in columns.values() for label in columns_in(frame, source_of(entry))}
@@ -96,8 +95,9 @@ def with_canonical_columns(
 def column_of(
     frame: Frame, column: Column, label: str, name: str, unit: str, layout: str | None = None
 ) -> Array:
-    """Return one column as numbers of the quantity `name` in a `unit`, (n,). Raises DataError for
-    values that cannot be converted.
+    """Return a column of a frame, (n,), as the values of the quantity `name` in `unit`. `label` is
+    the name of the frame in messages, and `layout` is the format of time stamps. Raises DataError
+    if the column does not exist or cannot be converted.
     """
     labels, matches, label_of_column = (
         labels_of(frame) or (),
@@ -123,10 +123,10 @@ def column_of(
 def given_numbers(
     values: object, what: str, name: str, unit: str, layout: str | None = None
 ) -> Array:
-    """Convert the values that a user passed for the quantity `name` to numbers in a `unit`.
-    `layout` is the format of time stamps.
+    """Convert the values that a user passed for the quantity `name` to numbers in `unit`. `layout`
+    is the format of time stamps, and `what` is the name of the values in messages.
 
-    Raises DataError, with a message in which the values are called `what`.
+    Raises DataError for values that cannot be converted.
     """
     clock = name == "time"
     read = CellReader(clock=clock, format=layout, second=convert(1.0, "s", unit) if clock else 1.0)
@@ -138,8 +138,9 @@ def given_numbers(
 def tables_of(
     frames: Sequence[Frame], columns: Mapping[str, Entry], units: Mapping[str, str]
 ) -> dict[str, RawTable]:
-    """Return every frame as a recording in memory. It has an array, (n,), for each quantity of
-    `columns`, without scale and offset applied. `columns` and `units` are sections of the spec.
+    """Return every frame as a recording in memory, by the name of the recording. A recording has an
+    array, (n,), for each quantity of `columns`. The `scale` and `offset` in `columns` are not
+    applied yet. `columns` and `units` are sections as in a spec.
 
     Raises `DataError` for columns that do not exist, are no numbers, or differ in length.
     """
@@ -169,8 +170,9 @@ def tables_of(
 
 
 def section_of(tables: Iterable[str], columns: Mapping[str, Entry]) -> dict[str, object]:
-    """Return the section `data` with which the tables in memory are read. In this section, each
-    column has the name of its quantity. `columns` is the section that the caller gave.
+    """Return the section `data`, as in a spec, with which the tables in memory are read. `columns`
+    is the section that the caller gave. In the result, every column is called by the name of its
+    quantity, because the tables in memory have these names.
     """
     read = {}
     for name, entry in columns.items():
@@ -221,9 +223,10 @@ def quantities_of(
 ) -> dict[str, Array]:
     """Return the `wanted` quantities of a frame in the model's `units`, (n,) each.
 
-    The column of a quantity is searched in this order: first by the label in `columns`, with the
-    unit, scale and offset given there; then by the name of the quantity as label, with numbers in
-    the model's unit; and then by the index in `columns`.
+    For each quantity, three ways to find its column are tried in this order. First, `columns` gives
+    the label of the column, with unit, scale and offset. Second, the label of a column is the name
+    of the quantity, and the column has numbers in the model's unit. Third, `columns` gives the
+    index of the column.
     """
     values_of = {}
     for name in wanted:

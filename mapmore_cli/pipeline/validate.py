@@ -29,10 +29,12 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
 def required_limits(
     require: Mapping[str, float | dict[str, float]], scores: Sequence[Score]
 ) -> tuple[Limit, ...]:
-    """Return the `validate.require` limits with the values of the run's own model.
+    """Return the limits in `validate.require`, each with the score of the run's own model that it
+    limits.
 
-    The limits apply to the pooled validation rows, or to the training rows if nothing is held out.
-    A limit applies to every output, or to the outputs that it names.
+    The limits apply to the scores on all held-out samples together, or on all training samples if
+    nothing is held out. A limit that is a number applies to every output. A limit that is a mapping
+    applies only to the outputs in it.
     """
     rows = deciding(score for score in scores if score.model == OWN)
     return tuple(
@@ -50,8 +52,8 @@ def required_limits(
 
 
 def needs(spec: ExperimentSpec) -> list[Need]:
-    """Return the runs with which this run is compared, including its own variations, and the static
-    run to which sums are fitted.
+    """Return the other runs that the stage needs: the static run, because some competitors are
+    fitted to its data; the runs with which this run is compared; and the variations of this run.
     """
     static = scores_slice(spec).static
     competitors = [c for c in spec.validation.against if isinstance(c, Competitor)]

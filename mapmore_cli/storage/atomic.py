@@ -1,5 +1,5 @@
-"""Write files so that each is either the old or the new one, whatever happens. Also turn errors of
-the file system into messages for the user.
+"""Write files so that, even after a crash, a file has either its old contents or all of its new
+contents. Also convert errors of the file system into messages for the user.
 """
 
 from __future__ import annotations
@@ -43,18 +43,19 @@ _REFUSED = {
 
 
 def is_special(path: Path) -> bool:
-    """Return True if `path` is no regular file but, for example, a pipe, a terminal or `/dev/null`.
-    Data are then written into it, and it is never replaced.
+    """Return True if `path` is, for example, a pipe, a terminal or `/dev/null`. In contrast to a
+    regular file, such a file is never replaced; data are written into it.
     """
     other = path.exists() and not path.is_file() and not path.is_dir()
-    # a link that the user made is not followed, because the user named the link and not its target
+    # a link, for example to a pipe, is not special: `refuse_irregular` refuses it, because the user
+    # named the link and not its target
     return _is_of_system(path) or (other and not path.is_symlink())
 
 
 def _is_of_system(path: Path) -> bool:
-    """Return True if a path has a name in `/dev`, `/dev/fd` or `/proc`, for example `/dev/stdout`.
-    Such a path may be a regular file, or a link to one, that another program holds open. Data are
-    therefore written into this file, and it is not replaced.
+    """Return True for a path directly in `/dev` or `/dev/fd`, or anywhere in `/proc`, for example
+    `/dev/stdout`. Such a path may lead to a regular file that another program has opened. Data must
+    therefore be written into this file, and it must not be replaced.
 
     A file in a folder of `/dev`, for example `/dev/shm`, is an ordinary file.
     """
@@ -63,8 +64,8 @@ def _is_of_system(path: Path) -> bool:
 
 
 def refuse_irregular(place: Path) -> None:
-    """Raise WriteError if there is a link, or a pipe or another special file, in place of a file or
-    folder that is to be written.
+    """Raise WriteError if a file or folder is to be written at `place`, but a link, a pipe or
+    another special file is there.
     """
     if place.is_symlink():
         raise WriteError(
@@ -80,8 +81,9 @@ def refuse_irregular(place: Path) -> None:
 
 
 def content_of(path: Path) -> bytes:
-    """Return the bytes of a regular file whose name mapmore itself has chosen. Raises
-    FileNotFoundError for everything else, because reading a pipe would wait for its writer.
+    """Return the bytes of a regular file. Raises FileNotFoundError if `path` is something else, for
+    example a pipe, because reading a pipe would wait for a writer. (The name of the file is chosen
+    by mapmore, so that nobody expects a pipe there.)
     """
     if not path.is_file():
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path))
@@ -103,11 +105,12 @@ def make_folder(folder: Path) -> None:
 
 @contextmanager
 def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
-    """Make an empty file or folder that is to become `path`. At the end of the context it is
-    removed, unless it was moved to `path`.
+    """Make an empty file or folder beside `path`, with a temporary name. The caller writes its
+    contents, and moves it to `path`. If this does not happen before the end of the context, it is
+    removed.
 
-    Remains of killed processes for the same file are removed. The new file or folder is locked as
-    long as this process lives, so that other processes do not remove it.
+    Temporary files for the same `path` that killed processes have left are removed. The new file or
+    folder is locked as long as this process lives, so that other processes do not remove it.
     """
     if not path.name:  # the current folder
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
@@ -118,7 +121,7 @@ def unfinished_beside(path: Path, folder: bool = False) -> Iterator[Path]:
         handle = _locked(unfinished)
         if unfinished.exists():
             break
-        # another process took the file for abandoned, and removed it before it was locked
+        # another process removed the file before it was locked here, because it looked abandoned
         _let_go(handle)
     try:
         yield unfinished
@@ -142,22 +145,26 @@ def _clear_abandoned(path: Path) -> None:
     """Remove the unfinished files and folders for `path` that no process has locked."""
     name = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{12}}-{re.escape(path.name)}", re.DOTALL)
     found = list[str]()
-    with suppress(OSError):  # a folder that cannot be listed may still be writable
+    # if the folder cannot be listed, nothing is removed, but it may still be possible to write in
+    # it
+    with suppress(OSError):
         found = list(filter(name.fullmatch, os.listdir(path.parent)))  # noqa: PTH208
     for left in (path.parent / entry for entry in found):
         if (handle := _locked(left, patient=False)) is not None:
             try:
-                with suppress(OSError):  # remains of another user's processes stay
+                with suppress(OSError):  # files that belong to another user cannot be removed
                     remove(left)
             finally:
                 os.close(handle)
 
 
 def _locked(place: Path, patient: bool = True) -> int | None:
-    """Lock a file or folder against other processes that ask for the lock. Return None if another
-    process holds it, or if the system has no such locks.
+    """Lock a file or folder, and return its file handle. Other processes that try to lock it wait,
+    or do not get the lock. Return None if another process holds the lock, or if the system has no
+    such locks.
     """
-    # without locks, nothing shows that an unfinished file is abandoned, so none is removed
+    # Windows has no such locks. It is then unknown whether a process still uses an unfinished file,
+    # so the caller does not remove it.
     if sys.platform == "win32":
         return None
     import fcntl
@@ -218,7 +225,7 @@ def _opened(path: Path, how: int, mode: str) -> IO[bytes]:
 
 @contextmanager
 def opened_special(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file for which `is_special` is True, and write into it."""
+    """Open a special file (`is_special`), such as a pipe, for writing."""
     with (
         refusals_told(path.parent),
         path.open("wb") if _is_of_system(path) else _opened(path, os.O_WRONLY, "wb") as stream,
@@ -228,8 +235,9 @@ def opened_special(path: Path) -> Iterator[IO[bytes]]:
 
 def write_own(path: Path, content: str | bytes) -> None:
     """Write a file as a whole, as `replacing` does, and replace any file with this name. Use this
-    function for files whose names mapmore chooses; the module `outputs` protects files that the
-    user names. Nothing is written into a pipe, because writing would wait for a reader.
+    function only for files whose names mapmore chooses; the module `outputs` has functions for
+    files that the user names, and protects existing files. Raises WriteError for a link or a
+    special file.
     """
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)
@@ -244,18 +252,17 @@ def sync_tree(folder: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Flush the entries of a folder to the disk, if the system can do that."""
+    """Flush the list of files in a folder to the disk, if the system supports this."""
     if hasattr(os, "O_DIRECTORY"):
         _sync(folder, os.O_RDONLY | os.O_DIRECTORY)
 
 
 @contextmanager
 def refusals_told(folder: Path) -> Iterator[None]:
-    """Convert an error into a WriteError if the disk is full, or if the file system refuses access
-    to something in `folder`. Other errors are not changed.
+    """Convert an OSError into a WriteError if the disk is full, or if the file system refuses
+    access to something in `folder` or to one of its parent folders. Other errors are not changed.
 
-    If access to a file outside of `folder` is refused, the caller handles the error, for example a
-    stage that cannot read a recording.
+    For example, a stage that cannot read a recording in another folder raises its own error.
     """
     try:
         yield

@@ -1,5 +1,5 @@
-"""Remember the files that a command reads and those that it will write, so that none of its outputs
-replaces a file that it reads.
+"""Remember the files that a command reads and the outputs that it will write, so that no output
+replaces a file that the command reads.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ def files_read() -> Iterator[set[Path]]:
 
 
 def note_read(paths: Iterable[Path]) -> None:
-    """Add paths to the set that `files_read` collects. Outside of the context of `files_read`, do
-    nothing. Raises WriteError if one of the paths is an output of the command.
+    """Add paths to the set of files that the command has read (`files_read`). Outside of a context
+    of `files_read`, do nothing. Raises WriteError if one of the paths is an output of the command.
     """
     if (files := _FILES.get()) is not None:
         new = {*paths} - files.read
@@ -55,7 +55,7 @@ def note_read(paths: Iterable[Path]) -> None:
 
 def note_output(path: Path) -> None:
     """Remember an output of the command. If the command later reads this file, `note_read` raises
-    an error. Outside of the context of `files_read`, do nothing.
+    an error. Outside of a context of `files_read`, do nothing.
     """
     if (files := _FILES.get()) is not None:
         files.outputs.append(path)
@@ -70,10 +70,11 @@ def refuse_read(path: Path) -> None:
 
 
 def _refuse_same(output: Path, inputs: Iterable[Path]) -> None:
-    with suppress(OSError):  # nothing is lost if the output does not exist
+    # if the output does not exist, `stat` fails, and there is nothing to protect
+    with suppress(OSError):
         state = output.stat()
         for path in inputs:
-            with suppress(OSError):  # a file that was read may be gone
+            with suppress(OSError):  # a file that was read may have been deleted since
                 if os.path.samestat(state, path.stat()):
                     raise WriteError(
                         f"{output}: this command reads the file, so its output cannot replace it",

@@ -1,9 +1,9 @@
 """Write files outside of run folders, and protect the files that are already there.
 
-A file that the user names is replaced, as other programs replace their outputs, unless it is still
-needed: the command reads it, it belongs to a run, or it is read-only, as frozen models are. A file
-whose name mapmore chooses is replaced only if mapmore has written it and nobody has changed it
-since. Its hash is stored in the file `WRITTEN` beside it.
+A file that the user names is replaced, as other programs replace their outputs. There are three
+exceptions: the command reads the file, the file belongs to a run, or it is read-only, as frozen
+models are. A file whose name mapmore chooses is replaced only if mapmore has written it and nobody
+has changed it since. To recognise this, its hash is stored in the file `WRITTEN` beside it.
 """
 
 from __future__ import annotations
@@ -36,12 +36,13 @@ WRITTEN = ".mapmore-files"
 """File with the SHA-256 of the files in its folder whose names mapmore has chosen, by name."""
 
 WRITABLE = 0o222
-"""Permissions of which a read-only file has none."""
+"""Permissions to write (owner, group and others). A file with none of them is read-only."""
 
 
 def refuse_needed(path: Path) -> None:
-    """Raise WriteError if a file is in the place of an output and is still needed: a file that the
-    command reads, a file of a run, or a read-only file. A link and a folder are refused too.
+    """Raise WriteError if an output at `path` would replace a file that is still needed: a file
+    that the command reads, a file of a run, or a read-only file. A link and a folder are refused
+    too.
     """
     refuse_irregular(path)
     if path.is_dir():
@@ -72,9 +73,11 @@ def _run_with(path: Path) -> Path | None:
 
 
 def refuse_early(path: Path, chosen: bool = False) -> None:
-    """Raise WriteError before a command computes if its output cannot be written: an existing file
-    is still needed (`refuse_needed`), or the folder does not exist or cannot be written to. If
-    mapmore has `chosen` the name, a file of somebody else is refused, too (`refuse_foreign_file`).
+    """Raise WriteError if an output cannot be written. This function is called before a command
+    begins its computation. An output cannot be written if it would replace a file that is still
+    needed (`refuse_needed`), or if its folder does not exist or cannot be written to. If mapmore
+    has `chosen` the name of the output, it must not replace a file of somebody else either
+    (`refuse_foreign_file`).
 
     The output is noted, so that `note_read` raises an error if the command later reads this file.
     """
@@ -113,20 +116,22 @@ def written_as_text(path: Path) -> Iterator[TextIO]:
     """Open a UTF-8 text that replaces the file `path` when the block ends without an error. The
     text is compressed with gzip if the name of the file ends with `.gz`.
 
-    Errors of the file system inside the block count as errors of this file, and become WriteErrors.
-    Raises BrokenPipeError if the program that reads from a pipe has ended.
+    Errors of the file system inside the block become WriteErrors that name this file. Raises
+    BrokenPipeError if `path` is a pipe and the program that reads from it has ended.
     """
     from mapmore_cli.storage.tables.lines import TEXT_ERRORS
 
     try:
         with written(path) as raw:
-            # the gzip header gets no name and no time, so that the same table gives the same bytes
+            # no name and no time are stored in the gzip header, so that the same text gives the
+            # same bytes
             zipped = path.suffix == ".gz"
             binary = gzip.GzipFile("", "wb", fileobj=raw, mtime=0) if zipped else raw
             text = io.TextIOWrapper(binary, "utf-8", TEXT_ERRORS, newline="")
             yield text
             text.flush()
-            # closing a gzip stream writes its end and leaves `raw` open
+            # a gzip stream is closed, which writes its end but leaves `raw` open; the other text is
+            # only detached, because closing it would close `raw`
             text.close() if zipped else text.detach()
     except BrokenPipeError:
         raise
@@ -138,13 +143,17 @@ def written_as_text(path: Path) -> Iterator[TextIO]:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a file that the user has named, as a whole, as `written` does."""
+    """Write `data` to a file that the user has named. An old file is replaced as a whole, as in
+    `written`.
+    """
     with written(path) as file:
         file.write(data)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 file that the user has named, as a whole, with the line ends of `text`."""
+    """Write `text`, with its own line ends, to a UTF-8 file that the user has named. An old file is
+    replaced as a whole.
+    """
     write_bytes(path, text.encode())
 
 
@@ -165,8 +174,9 @@ def refuse_foreign_file(path: Path) -> None:
 
 
 def note_chosen(folder: Path, names: Iterable[str]) -> None:
-    """Note the contents of files whose names mapmore has chosen, so that it may replace them later
-    (`refuse_foreign_file`). If the note is lost, mapmore no longer replaces these files.
+    """Store the hashes of files whose names mapmore has chosen. As long as a file has its stored
+    hash, `refuse_foreign_file` allows mapmore to replace it. If the stored hashes are lost, the
+    files are not replaced any more.
     """
     hashes = {**_hashes_in(folder), **hashes_of(folder, names)}
     text = json.dumps(hashes, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
@@ -175,8 +185,8 @@ def note_chosen(folder: Path, names: Iterable[str]) -> None:
 
 
 def _hashes_in(folder: Path) -> dict[str, str]:
-    """Return the hashes that `note_chosen` has noted for the files of a folder, by name; empty if
-    the note cannot be read.
+    """Return the hashes that `note_chosen` has stored for the files of a folder, by name; empty if
+    they cannot be read.
     """
     with suppress(OSError, ValueError, RecursionError):
         noted = json.loads(content_of(folder / WRITTEN))
@@ -186,8 +196,9 @@ def _hashes_in(folder: Path) -> dict[str, str]:
 
 
 def write_chosen(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
-    """Write files whose names mapmore chooses into a folder of the user, which is made if
-    necessary, and return their paths. A file with the same content stays.
+    """Write `files`, contents by name, whose names mapmore chooses, into a folder of the user, and
+    return their paths. The folder is made if necessary. A file that already has the same content is
+    not written.
 
     Raises WriteError as `refuse_foreign_file` does, before any file is written.
     """

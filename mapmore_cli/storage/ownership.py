@@ -34,7 +34,8 @@ TRASH = ".trash"
 
 def is_as_written(path: Path, stamp: Stamp | None, rehash: bool = False) -> bool:
     """Return True if a path is a regular file that has not changed since the run wrote it. `stamp`
-    is its entry in the record of the run, or None.
+    is the state of the file in the record of the run; None if the record does not list it. With
+    `rehash`, the file is read even if its size and time are unchanged.
     """
     if stamp is None or path.is_symlink() or not path.is_file():
         return False
@@ -51,8 +52,8 @@ class Contents:
 
 
 def contents_of(run_dir: Path, rehash: bool = False) -> Contents:
-    """Return the contents of a run folder. `rehash` reads files even if their size and time are
-    unchanged.
+    """Return the contents of a run folder. With `rehash`, files are read even if their size and
+    time are unchanged.
 
     Links, folders without a recorded file, and folders with their own record are not searched,
     because everything in them belongs to somebody else. If the record names another run, for
@@ -95,11 +96,11 @@ def _is_left(place: Path, path: str) -> bool:
 
 
 def remove_own(run_dir: Path, own: Sequence[str], now: bool) -> None:
-    """Move the files of a run to the trash, or remove them at once with `now`; then remove its
-    empty folders.
+    """Move the files of a run to the trash, or delete them if `now` is True. Then remove the
+    folders of the run that are empty.
 
-    The record is removed last, so that after an interruption, the rest can still be recognised as a
-    run and removed.
+    The record is removed last. If the process is interrupted before, the remaining files can still
+    be recognised as a run and removed.
     """
     paths = sorted(own, key=lambda path: (path == RUN_RECORD, path))
     paths = [path for path in paths if path != LOCK]
@@ -116,8 +117,8 @@ def remove_own(run_dir: Path, own: Sequence[str], now: bool) -> None:
 
 def to_trash(run_dir: Path, paths: Sequence[str], without: str = "") -> Path:
     """Move files of a run folder to the folder `RUNS/.trash/DATE/NAME`, or `NAME.2` if that exists,
-    and return this folder. The files are given by their POSIX paths in the run folder. The prefix
-    `without` is removed from these paths in the trash.
+    and return this folder. `paths` are POSIX paths relative to the run folder. In the trash, the
+    files have the same relative paths, but without the prefix `without`.
 
     Raises WriteError if nothing can be moved there, for example to another file system.
     """
@@ -144,9 +145,12 @@ def to_trash(run_dir: Path, paths: Sequence[str], without: str = "") -> Path:
 
 
 def put_back(run_dir: Path, output: str, known: Mapping[str, Stamp]) -> list[str]:
-    """Clear the old folder that was renamed when a new `output` took its place. The run's own files
-    are removed, and all others are moved into the new folder. If the new folder has a file of the
-    same name, the old file is moved to the trash; return the paths of these files.
+    """Clear the old folder of an `output`. The old folder was renamed to make room for the new
+    folder.
+
+    The files that the run wrote are deleted; other files are moved into the new folder. If the new
+    folder already has a file of the same name, the old file is moved to the trash. Return the paths
+    of the files that were moved to the trash.
     """
     aside, moved = run_dir / f"{ASIDE}{output}", list[str]()
     for old in list(_below(aside)):
@@ -167,14 +171,14 @@ def put_back(run_dir: Path, output: str, known: Mapping[str, Stamp]) -> list[str
 
 
 def _below(folder: Path) -> Iterator[Path]:
-    """Yield all files below a folder, and links, without following them."""
+    """Yield all files and all links below a folder. Links are not followed."""
     for parent, folders, names in os.walk(folder):
         yield from (Path(parent) / name for name in names)
         yield from (place for name in folders if (place := Path(parent) / name).is_symlink())
 
 
 def is_same(one: Path, other: Path) -> bool:
-    """Return True if two paths are files (not links) with the same bytes."""
+    """Return True if both paths are files with the same bytes, and not links."""
     if any(place.is_symlink() or not place.is_file() for place in (one, other)):
         return False
     return cmp(one, other, shallow=False)

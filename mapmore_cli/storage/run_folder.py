@@ -1,9 +1,10 @@
-"""Manage the folder of a run: it is made or refused before the work, and changed only by moving
-whole files and folders into it.
+"""Manage the folder of a run. Before the work, the folder is made, or refused if it contains other
+files. Results are built elsewhere, and whole files and folders are then moved into it.
 
 A stage builds its outputs in a folder of its own (`.tmp-...`). A new file is moved over the old
-file of the same name. A folder cannot be replaced in this way, so the old one is renamed
-(`.old-NAME`) for an instant; if the process is interrupted in this instant, `recover` restores it.
+file of the same name. A folder cannot be replaced in this way. Therefore, the old folder is first
+renamed to `.old-NAME`, and the new folder is then moved to `NAME`. If the process is interrupted
+between these two steps, `recover` gives the old folder its name back.
 """
 
 from __future__ import annotations
@@ -62,8 +63,8 @@ NOTHING: Mapping[str, Stamp] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class RunFiles:
-    """Results in the folder of a run, read when they are needed. Raises the same errors as
-    `artefacts.read_*`.
+    """Results in the folder of a run. A result is read when its method is called. The methods raise
+    the same errors as `artefacts.read_*`.
 
     The results that were written or read most recently stay in memory as long as their files are
     unchanged; their arrays are read-only.
@@ -78,7 +79,7 @@ class RunFiles:
         return DATASET_FILE.latest(self.folder / DATASET)
 
     def segmentation(self) -> tuple[SegmentedCurve, ...]:
-        """Return the cuts of the training curves, which `segment` wrote."""
+        """Return how the training curves are cut into segments, as the stage `segment` wrote it."""
         from mapmore_cli.storage.artefacts import SEGMENTATION_FILE
 
         return SEGMENTATION_FILE.latest(self.folder / SEGMENTATION).curves
@@ -96,7 +97,7 @@ class RunFiles:
         return MODEL_FILE.latest(self.folder / MODEL)
 
     def validation(self) -> Validation:
-        """Return predictions and scores, which `validate` wrote."""
+        """Return the predictions and scores that the stage `validate` wrote."""
         from mapmore_cli.storage.artefacts import VALIDATION_FILE
 
         return VALIDATION_FILE.latest(self.folder / VALIDATION)
@@ -112,7 +113,9 @@ class RunFiles:
             raise DataError(f"{path}: is damaged", "delete it, and run the study again") from fault
 
     def scores(self) -> ScoreTable:
-        """Return the scores of the run, which are stored without the predictions."""
+        """Return the scores of the run from `scores.json`, which is quicker to read than the file
+        with all predictions.
+        """
         return read_scores(self.folder / "scores.json")
 
 
@@ -122,8 +125,9 @@ SEARCH = "search.json"
 
 @contextmanager
 def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
-    """Lock the run. If another process holds the lock, wait if `patient`, otherwise raise
-    WriteError. The system releases the lock when its holder ends.
+    """Lock the run within the context. If another process holds the lock, wait if `patient` is
+    True; otherwise raise WriteError. If the process that holds the lock ends, the system releases
+    the lock.
     """
     from filelock import FileLock, Timeout
 
@@ -142,7 +146,7 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
     except Timeout:
         remedy = "wait until it is done, or choose another folder with --runs"
         raise WriteError(f"{run_dir}: another process is writing this run", remedy) from None
-    # for example, a network drive may have no locks
+    # the file system, for example of a network drive, may not support locks
     except (OSError, NotImplementedError) as fault:
         what = getattr(fault, "strerror", None) or "its file system has no locks"
         raise WriteError(
@@ -155,8 +159,8 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
 
 
 def open_run_folder(run_dir: Path) -> None:
-    """Make the folder of a run. Raises WriteError if it cannot be made or written, or if it
-    contains files of somebody else.
+    """Make the folder of a run, if it does not exist. Raises WriteError if it cannot be made or
+    written, or if it contains files of somebody else.
     """
     with refusals_told(run_dir):
         refuse_irregular(run_dir)
@@ -174,8 +178,8 @@ def open_run_folder(run_dir: Path) -> None:
 
 
 def refuse_foreign(folder: Path, record: str) -> None:
-    """Raise WriteError if a folder contains files, but not the `record` that mapmore writes into
-    all its folders.
+    """Raise WriteError if a folder contains files, but no file `record`. mapmore writes this file
+    into all its folders, so that a folder without it belongs to somebody else.
     """
     refuse_irregular(folder)
     try:
@@ -196,8 +200,9 @@ def refuse_foreign(folder: Path, record: str) -> None:
 
 
 def recover(run_dir: Path, outputs: Iterable[str]) -> None:
-    """Remove the remains of an interrupted process. If the process had renamed some `outputs` to
-    make room for new ones, restore the renamed ones.
+    """Remove the temporary files that an interrupted process has left. If it was interrupted while
+    it replaced a folder in `outputs`, and the new folder is not there yet, the old folder gets its
+    name back.
     """
     with refusals_told(run_dir):
         for output in outputs:
@@ -224,8 +229,9 @@ def is_tidy(run_dir: Path) -> bool:
 
 @contextmanager
 def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
-    """Make a new folder inside the run folder, so that it is on the same file system, and remove it
-    when the stage ends, also after an error. Long columns are stored in it while the stage works.
+    """Make a new folder for the outputs of a stage, and remove it when the stage ends, also after
+    an error. It is inside the run folder, because files can be moved in one step only within a file
+    system. While the stage works, long columns are stored there too, instead of in memory.
     """
     with unfinished_beside(run_dir / stage, folder=True) as folder:
         token = SCRATCH.set(str(folder))
@@ -236,9 +242,10 @@ def stage_folder(run_dir: Path, stage: str) -> Iterator[Path]:
 
 
 def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
-    """Move a file to the trash before a new file takes its place, unless the record `known` lists
-    the file and it is unchanged. Return a list with the `name` of the file if it was moved,
-    otherwise an empty list. Raises WriteError as `refuse_irregular` does.
+    """Move the file `name` to the trash before a new file takes its place. If the record `known`
+    lists the file and the file is unchanged, it is not moved, because it belongs to the run. Return
+    a list with the name of the file if it was moved; otherwise an empty list. Raises WriteError as
+    `refuse_irregular` does.
     """
     refuse_irregular(run_dir / name)
     if not (run_dir / name).is_file() or is_as_written(run_dir / name, known.get(name)):
@@ -250,12 +257,12 @@ def make_way(run_dir: Path, name: str, known: Mapping[str, Stamp]) -> list[str]:
 def swap_in(
     folder: Path, run_dir: Path, outputs: Sequence[str], known: Mapping[str, Stamp] = NOTHING
 ) -> list[str]:
-    """Move finished `outputs` from `folder` into the run, each as a whole, after all of them are on
-    the disk.
+    """Move finished `outputs` (files and folders) from `folder` into the run folder. They are first
+    flushed to the disk, and then each is moved as a whole.
 
-    A file belongs to somebody else if `known` does not list it, or if it has changed since. Such a
-    file is moved to the trash if an output takes its place; otherwise it stays. Return the paths of
-    the files that were moved to the trash.
+    An existing file belongs to somebody else if `known` does not list it, or if it has changed
+    since it was written. If an output has the same name, this file is moved to the trash; otherwise
+    it stays. Return the paths of the files that were moved to the trash.
     """
     sync_tree(folder)
     for output in outputs:

@@ -1,8 +1,9 @@
-"""Read and write `run.json`: the inputs, settings and versions with which every stage of a run was
-made. The entry of a stage is written after its outputs; outputs without an entry do not count.
+"""Read and write `run.json`, the record of a run: the inputs, settings and versions with which
+every stage was made. The entry of a stage is written after its outputs. If outputs have no entry,
+for example after an interruption, the stage runs again.
 
-Sizes, times and hashes show whether files are still the ones that were read or written. There are
-no absolute paths, users, hosts or environment variables.
+Sizes, times and hashes show whether files have changed since they were read or written. The record
+contains no absolute paths, no names of users or computers, and no environment variables.
 
 Version 1.1 of this format added `origin`, the spec from which the run was made. Version 1.2 added
 `files`, the files that the run wrote in addition to the outputs of its stages.
@@ -33,8 +34,9 @@ LONGEST_NAME = 255  # largest number of bytes in the name of a file on common fi
 
 
 def _as_path(text: str) -> str:
-    """Return a path from a record unchanged. Raises ValueError for a path that no file can have.
-    Without this check, the file system would raise errors of various types when the path is used.
+    """Return a path from a record unchanged. Raises ValueError if no file can have such a path, so
+    that a damaged record is recognised when it is read. Otherwise, the file system would raise
+    errors of various types later.
     """
     names = [os.fsencode(name) for name in text.split("/")]
     if b"\0" in b"".join(names) or max(map(len, names)) > LONGEST_NAME:
@@ -48,11 +50,13 @@ RecordedPath = Annotated[str, AfterValidator(_as_path)]
 @dataclass(frozen=True)
 class Stamp:
     """State of a file when it was read or written: its size in bytes, its modification time and the
-    SHA-256 of its content (for a long result file, its own checksum).
+    SHA-256 of its content. For a long result file, the checksum inside the file is used instead of
+    the SHA-256 of its content.
 
-    Programs that copy files set the modification time. The file's inode number and the time of its
-    last change of any kind therefore reveal a file that was replaced. Both are 0 if they are
-    unknown, as in a record of an older version, or if they change anyway (`storage/stamps.py`).
+    The modification time alone is not sufficient, because programs that copy files can set it.
+    Therefore, the inode number and the time of the last change of any kind (`ctime_ns`) are stored
+    too: they show that a file was replaced. They are 0 if they are unknown, as in a record of an
+    older version, or if the program itself changes them (`storage/stamps.py`).
     """
 
     size: int
@@ -62,8 +66,8 @@ class Stamp:
     ctime_ns: int = 0
 
     def is_of(self, state: Sequence[int]) -> bool:
-        """Return True if a file with this `state` (`seals.state_of`) is unchanged since the stamp
-        was taken.
+        """Return True if a file is unchanged since the stamp was taken. `state` is the present
+        state of the file (`seals.state_of`).
         """
         known = (self.size, self.mtime_ns, self.inode, self.ctime_ns)
         size, mtime_ns, *rest = zip(known, state, strict=True)
@@ -71,8 +75,8 @@ class Stamp:
 
 
 def refuse_newer(path: Path, found: str, known: str) -> None:
-    """Raise DataError if the version of a file, `found`, is no version, or if its major number is
-    above the one that this program knows.
+    """Raise DataError if the format version of a file, `found`, is not a version number, or if its
+    major number is larger than that of `known`, the version that this program reads.
     """
     shown = shortened(found)
     try:
@@ -115,15 +119,15 @@ FORMAT_VERSION = "1.2"
 
 @dataclass(frozen=True)
 class StageRecord:
-    """The entry of one stage.
+    """Entry of one stage in the record of a run.
 
-    - `fingerprint`: hash of everything on which the stage's numbers depend.
+    - `fingerprint`: hash of everything on which the results of the stage depend.
     - `revision`: revision of the stage's code.
     - `before`: fingerprint of the stage before; empty for the first.
-    - `slice`: the stage's part of the spec, as JSON values.
+    - `slice`: the part of the spec that the stage reads, as JSON values.
     - `inputs`: source files, by POSIX path relative to the spec's folder.
     - `outputs`: written files, by POSIX path relative to the run's folder.
-    - `tools`: versions of the tools with which it was made.
+    - `tools`: versions of the packages with which the stage was run.
     - `seconds`: duration of the stage.
     - `why`: reason why it ran.
     """
@@ -141,8 +145,12 @@ class StageRecord:
 
 @dataclass(frozen=True)
 class Origin:
-    """Origin of a run: its spec and its campaign (POSIX paths relative to the run's folder, or
-    empty), and the settings of the campaign or of the command line.
+    """Origin of a run.
+
+    - `spec`: POSIX path of the spec, relative to the run's folder.
+    - `campaign`: POSIX path of the campaign, relative to the run's folder; empty without a
+      campaign.
+    - `settings`: settings from the campaign or the command line that replace settings of the spec.
     """
 
     spec: RecordedPath
@@ -150,8 +158,10 @@ class Origin:
     settings: tuple[str, ...] = ()
 
     def rival_of(self, other: Origin, run_dir: Path) -> str | None:
-        """Return the other file that makes a run with the same name: another spec, or a campaign
-        with other settings. None if there is none.
+        """Return the spec or the campaign that conflicts with this origin, as a path relative to
+        the run's folder. `other` is the origin of a run that already has the same name and the same
+        folder. There is a conflict if it names another spec, or a campaign with other settings.
+        Return None without a conflict, or if the other file does not exist any more.
         """
         if other.spec != self.spec:
             return other.spec if (run_dir / other.spec).is_file() else None
@@ -172,8 +182,8 @@ DAMAGE = (OSError, ValueError, TypeError, KeyError, AttributeError, OverflowErro
 
 
 def read_json(path: Path) -> Any:
-    """Return the contents of a JSON file. They are cached, so they must not be changed. Raises the
-    errors in `DAMAGE`.
+    """Return the contents of a JSON file. The caller must not change them, because they are cached.
+    Raises the errors in `DAMAGE`.
     """
     return _document(content_of(path).decode())
 
@@ -184,8 +194,8 @@ def _document(text: str) -> Any:
 
 
 def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
-    """Return each stage that used results of an earlier stage which was repeated later, with the
-    name of that earlier stage.
+    """Return the stages whose results are out of date, because an earlier stage was repeated after
+    them. Each stage is returned with the name of this earlier stage.
     """
     reasons: dict[str, str] = {}
     done = [name for name in STAGES if name in records]
@@ -204,8 +214,8 @@ def load_origin(run_dir: Path) -> Origin | None:
 
 
 def load_records(run_dir: Path, warn: Warn = lambda _message: None) -> dict[str, StageRecord]:
-    """Return the committed stages of a run by name; if `run.json` is damaged, warn and return an
-    empty dict.
+    """Return the entries of the stages in the record of a run, by name. If there is no record, the
+    result is empty. If the record is damaged, `warn` is called, and the result is empty too.
 
     Raises DataError for a record of a newer format.
     """
@@ -237,8 +247,9 @@ def _sources_of(run_dir: Path, stages: Mapping[str, StageRecord]) -> Iterator[Pa
 
 
 def is_record(record: Path) -> bool:
-    """Return True if a record may have been written by mapmore, even if it is damaged; False for an
-    intact document of another program.
+    """Return True if the file `record` may have been written by mapmore. This includes a file that
+    is damaged, so that it cannot be read. Return False for an intact JSON document of another
+    program.
     """
     try:
         document = json.loads(content_of(record))
@@ -257,8 +268,8 @@ def holds_results(folder: Path) -> bool:
 
 
 def written_files(run_dir: Path) -> dict[str, Stamp]:
-    """Return all files that the record of a run lists, by POSIX path in its folder; empty if it
-    cannot be read.
+    """Return the stamps of all files that the record of a run lists, by POSIX path relative to the
+    run folder. The result is empty if the record cannot be read.
     """
     try:
         document = read_json(run_dir / RUN_RECORD)
@@ -288,8 +299,10 @@ def save_records(
     files: Mapping[str, Stamp] = MappingProxyType({}),
 ) -> None:
     """Write `run.json` as a whole. `files` are files that the run wrote in addition to the outputs
-    of its stages. Files that only the earlier record lists, for example the result of a search that
-    the spec no longer requests, are listed again as long as they exist.
+    of its stages.
+
+    The record that exists so far may list more files, for example the result of a search that the
+    spec no longer requests. As long as such a file exists, it is listed again.
     """
     outputs = {path for record in records.values() for path in record.outputs}
     listed = {**written_files(run_dir), **files}

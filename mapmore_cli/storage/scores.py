@@ -26,10 +26,10 @@ _SCORES = TypeAdapter(tuple[Score, ...])
 def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
     """Write `scores.csv` and `scores.json` of the run `name` to `folder`.
 
-    The JSON document is `{"name", "target", "units", "scores": [row, ...], "failed", "warnings",
-    "alerts"}`:
-    `failed` names models that could not be fitted. A number that is not finite is null there, and
-    empty in the CSV. The same scores give the same bytes.
+    The JSON document is an object with the keys `name`, `target`, `units`, `scores` (a list of
+    rows), `failed` (the names of models that could not be fitted), `warnings` and `alerts`. A
+    number that is not finite is null in the JSON document, and an empty field in the CSV table. The
+    same scores give the same bytes.
     """
     rows = [score_row(score) for score in table.scores]
     document = {
@@ -56,9 +56,7 @@ def write_scores(folder: Path, table: ScoreTable, name: str) -> None:
 
 
 def read_scores(path: Path) -> ScoreTable:
-    """Return the table that `write_scores` wrote. Raises DataError for a file with other
-    contents.
-    """
+    """Return the scores from a `scores.json`. Raises DataError for a file with other contents."""
     try:
         return scores_in(read_json(path))
     except DAMAGE as error:
@@ -69,8 +67,8 @@ def read_scores(path: Path) -> ScoreTable:
 
 
 def scores_in(document: Any) -> ScoreTable:
-    """Return the table in the document of a scores.json. Files of older versions, which lack some
-    keys, are read too.
+    """Return the scores in a JSON `document`, as read from a `scores.json`. Files of older
+    versions, which lack some keys, are read too.
 
     Raises ValueError, TypeError, KeyError, AttributeError or OverflowError for another document.
     """
@@ -89,8 +87,9 @@ def scores_in(document: Any) -> ScoreTable:
 
 
 def score_row(score: Score) -> Mapping[str, str | int | float | None]:
-    """Return a row of the table, by column in the order of `Score`: floats with 12 significant
-    digits and without a negative zero; None if they are not finite.
+    """Return a score as a row of the table: the value of each column, in the order of the fields of
+    `Score`. Numbers are rounded to 12 significant digits, and -0 becomes 0. A number that is not
+    finite becomes None.
     """
     row = {column: getattr(score, column) for column in COLUMNS}
     for column, value in row.items():

@@ -1,8 +1,9 @@
-"""Seal a run: record the state that its files have while the run is up to date.
+"""Seal a run: record the states of all its files at a moment when the run is up to date.
 
-To plan a run means to find out which of its stages are outdated, which takes a while. A run is not
-planned if its seal shows that all of its files are unchanged. It is planned if the seal is missing,
-damaged or from another run. A campaign of thousands of runs saves much time in this way.
+Before a run is repeated, it is planned: mapmore finds out which of its stages are outdated, which
+takes a while. This is not necessary if the seal shows that all files are unchanged. A campaign of
+thousands of runs saves much time in this way. If the seal is missing, damaged or from another run,
+the run is planned as usual.
 """
 
 from __future__ import annotations
@@ -17,11 +18,13 @@ from typing import TypedDict
 from mapmore_cli.storage.atomic import content_of, write_own
 
 SEAL = ".seal"
-"""File in the run folder with the seal. If it is lost, the run is only planned again."""
+"""File in the run folder that contains the seal. If it is lost, nothing else happens than that the
+run is planned again.
+"""
 
 REVISION = 2
-"""Number that is raised when `Answer` has other keys, so that runs with an older seal are
-planned.
+"""Version of the contents of a seal. It is raised when `Answer` gets other keys, so that runs with
+an older seal are planned again.
 """
 
 
@@ -46,13 +49,13 @@ class Answer(TypedDict):
 
 
 class Sealed(TypedDict):
-    """A run that is up to date as long as its files are unchanged.
+    """Contents of a seal, which states that a run is up to date as long as its files are unchanged.
 
     - `question`: what was requested (spec and options), and the version of the program, as JSON
       values.
     - `texts`: SHA-256 of the specs, by path relative to the run's folder.
-    - `files`: states of sources and results, by path relative to the run's folder.
-    - `answer`: results of the run.
+    - `files`: states of sources and results (`state_of`), by path relative to the run's folder.
+    - `answer`: results of the run, which are used again if the other three are unchanged.
     """
 
     question: object
@@ -62,23 +65,27 @@ class Sealed(TypedDict):
 
 
 def state_of(state: os.stat_result) -> list[int]:
-    """Return numbers that change when a file is written to or replaced."""
+    """Return the state of a file: its size, modification time, inode number and time of the last
+    change. At least one of these numbers changes when the file is written to or replaced.
+    """
     return [state.st_size, state.st_mtime_ns, state.st_ino, state.st_ctime_ns]
 
 
 def hashes_of(run_dir: Path, paths: Iterable[str]) -> dict[str, str]:
-    """Return the SHA-256 of small files. Raises OSError if one cannot be read."""
+    """Return the SHA-256 of files, by path. The files are read as a whole, so they should be small.
+    Raises OSError if a file cannot be read.
+    """
     return {path: hashlib.sha256(content_of(file_at(run_dir, path))).hexdigest() for path in paths}
 
 
 def states_of(run_dir: Path, paths: Iterable[str]) -> dict[str, list[int]]:
-    """Return the states of files. Raises OSError if one does not exist."""
+    """Return the states of files (`state_of`), by path. Raises OSError if a file does not exist."""
     return {path: state_of(file_at(run_dir, path).stat()) for path in paths}
 
 
 def file_at(run_dir: Path, path: str) -> Path:
-    """Return the file at a path relative to a run folder. The folder may not exist yet, or may be a
-    link.
+    """Return the path of a file from its path relative to a run folder. A step `..` is removed from
+    the text of the path, because the run folder may not exist yet, or may be a link.
     """
     return Path(os.path.normpath(run_dir / path))
 

@@ -1,9 +1,10 @@
-"""Decide whether files are still the ones that were read or written.
+"""Decide whether files have changed since they were read or written.
 
-A long result file contains a checksum of its values, computed while they were written. Its stamp
-contains this checksum instead of a hash of the file, so the whole file need not be read again. If
-the checksum does not match the values, the file itself is hashed. This hash differs from the
-checksum in the old stamp, so the change is detected.
+A long result file contains a checksum of its values, which was computed while they were written.
+The stamp of such a file contains this checksum, so that the file need not be read again for a hash.
+If the file was changed, so that the checksum inside does not match its values, the stamp contains a
+hash of the whole file. This hash differs from the checksum in the old stamp, and so the change is
+detected.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from mapmore_cli.storage.seals import state_of
 
 
 def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> Stamp:
-    """Return the stamp of a file. The hash is taken from `known` if the state of the file is the
-    same, unless `rehash` is True. Raises OSError if the file cannot be read.
+    """Return the stamp of a file. If size, times and inode number of the file are the same as in
+    `known`, its hash is taken from `known`, unless `rehash` is True. Raises OSError if the file
+    cannot be read.
     """
     # The state is taken before the file is read. If the file changes while it is read, its time
     # then differs from the time in the stamp, so that the file is read again later.
@@ -39,8 +41,8 @@ def take_stamp(path: Path, known: Stamp | None = None, rehash: bool = False) -> 
 
 
 def stamp_of_result(path: Path) -> Stamp:
-    """Return the stamp of a file that was written for a run. The file is moved to its final path
-    afterwards, which changes its `ctime_ns`.
+    """Return the stamp of a file that was written for a run, with `ctime_ns` 0 (unknown). The file
+    is moved to its final path afterwards, which changes its `ctime_ns`.
     """
     return replace(take_stamp(path), ctime_ns=0)
 

@@ -1,11 +1,14 @@
 """Read and write the result files of a run. A file holds one JSON document with everything but
 arrays, and a labelled dataset for each array.
 
-Every `write_*` writes a whole file or none (WriteError), with bytes that depend only on the
-arguments. Every `read_*` raises DataError with the name of the file if the file is missing,
-damaged, of another kind or of another major format. The same holds for unknown fields, invalid
-names or values, a model that cannot be evaluated, and values that have been changed. `unverified`
-accepts changed values; `warn` is called for these, and for files without a checksum.
+Every `write_*` writes a file completely or raises WriteError, without a partial file. The bytes
+depend only on the arguments. Every `read_*` raises DataError with the name of the file in these
+cases:
+
+- The file is missing, damaged, of another kind, or of another major format.
+- It has unknown fields, invalid names or invalid values, or a model that cannot be evaluated.
+- Its values do not match its checksum. With `unverified=True`, `warn` is called instead. `warn` is
+  also called for a file without a checksum.
 
 The argument `units` of `write_segmentation` and `write_fit` is `units_of(dataset)`, because
 segmentations and fits do not contain the units of their quantities. Older programs refuse a new
@@ -92,11 +95,13 @@ NO_UNITS: Units = {}
 
 @dataclass(frozen=True)
 class FileKind(Generic[T]):
-    """A kind of file: its name in the attribute `kind`, the stage that makes it, and the type of
-    its contents.
+    """A kind of result file.
 
-    `fault` returns the reason why a record cannot be used, or None. `ratio` is the largest allowed
-    ratio of the unpacked size of a file to its size on the disk.
+    - `name`: value of the attribute `kind` in files of this kind.
+    - `stage`: stage that writes such files.
+    - `type`: type of the contents.
+    - `fault`: function that returns the reason why contents cannot be used; None if they can.
+    - `ratio`: largest allowed ratio of the unpacked size of a file to its size on the disk.
     """
 
     name: str
@@ -108,8 +113,8 @@ class FileKind(Generic[T]):
     def write(
         self, path: Path, record: T, units: Units = NO_UNITS, provenance: Units = NO_UNITS
     ) -> None:
-        """Write `record`; `units` holds the units that the record itself does not contain. The
-        bytes depend only on the arguments.
+        """Write `record` to a file. `units` holds units of quantities that the record itself does
+        not contain. The bytes depend only on the arguments.
 
         Raises WriteError if the disk is full.
         """
@@ -134,17 +139,18 @@ class FileKind(Generic[T]):
             file.attrs.update(about | {CHECKSUM: digest.hexdigest()})
         mark = _mark(path)
         _as_written[mark] = digest.hexdigest()
-        # Arrays from a file are contiguous. A record with other arrays is not kept, because the
-        # last digit of a sum over an array can depend on this.
+        # The record is kept in memory only if its arrays are contiguous, as arrays that are read
+        # from a file are. Otherwise, sums over the arrays could differ in the last digit from sums
+        # over the arrays in the file.
         if mark[-1] < ROOM and all(array.value.flags.c_contiguous for array in arrays):
             _keep(mark, record)
 
     def read(self, path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> T:
-        """Return the record in a file. `warn` is called if no checksum proves that the file is
-        unchanged.
+        """Return the record in a file. `warn` is called if the file has no checksum, or a checksum
+        that cannot be verified here.
 
-        Raises the errors that the module describes. A wrong checksum raises an error only if
-        `unverified` is False.
+        Raises DataError as described in the docstring of the module. A wrong checksum raises an
+        error only if `unverified` is False; otherwise, `warn` is called.
         """
         with _opened_file(path) as (file, kind, version):
             if kind != self.name:
@@ -176,8 +182,9 @@ class FileKind(Generic[T]):
         return record
 
     def _record(self, file: h5py.File, size: int, newer: bool) -> tuple[T, str]:
-        """Return the contents of a file, and the reason why its values may have been changed; the
-        reason is empty if its checksum is right.
+        """Return the contents of a file, and a text. If the checksum of the file is right, the text
+        is empty; otherwise, it says why the values may have been changed. `newer` is True if the
+        file has a newer minor format than this program.
         """
         look_over(file, size, self.ratio)
         digest, (text, document) = hashlib.sha256(), take_document(file)
@@ -238,8 +245,9 @@ def kind_of(path: Path) -> str:
 
 
 def checksum_of(path: Path, anew: bool = False) -> str | None:
-    """Return the checksum of a result file whose values are unchanged; None for any other file.
-    With `anew`, it is computed again even if this process already knows it.
+    """Return the checksum of a result file if its values still match it; None for a changed file
+    and for any other file. With `anew`, the checksum is computed again even if this process already
+    knows it.
     """
     mark = _mark(path)
     if anew:
@@ -258,22 +266,24 @@ read_model = MODEL_FILE.read
 
 
 def write_model(path: Path, model: Model, provenance: Units = NO_UNITS) -> None:
-    """Write a model to a file that can be used without any other file. `provenance` may hold texts
-    of any length, for example the resolved spec.
+    """Write a model to a file. The model can be used without any other file. `provenance` holds
+    texts of any length about the origin of the model, for example the resolved spec.
     """
     MODEL_FILE.write(path, model, provenance=provenance)
 
 
 def write_segmentation(path: Path, curves: tuple[SegmentedCurve, ...], *units: Units) -> None:
-    """Write the cuts of the training curves: boundaries and row numbers, no samples."""
+    """Write how the training curves are cut into segments: the boundaries and row numbers of the
+    segments, but not the samples.
+    """
     SEGMENTATION_FILE.write(path, SegmentationFile(tuple(curves)), *units)
 
 
 def read_segmentation(
     path: Path, warn: Warn = lambda _message: None, unverified: bool = False
 ) -> tuple[SegmentedCurve, ...]:
-    """Read the cuts of the training curves from a file. Raises the errors that the module
-    describes.
+    """Read from a file how the training curves are cut into segments. Raises DataError as described
+    in the docstring of the module.
     """
     return SEGMENTATION_FILE.read(path, warn, unverified).curves
 
@@ -286,7 +296,9 @@ def _keep(mark: tuple[int, ...], record: object) -> None:
 
 
 def _mark(path: Path) -> tuple[int, ...]:
-    """Return numbers that change if a file is replaced or written to."""
+    """Return numbers by which the state of a file is recognised: they change if the file is
+    replaced or written to.
+    """
     state = path.stat()
     return state.st_dev, state.st_ino, state.st_mtime_ns, state.st_size
 

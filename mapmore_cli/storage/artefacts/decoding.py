@@ -1,4 +1,6 @@
-"""Rebuild records from a document and its arrays, checked by their type hints."""
+"""Build records, for example models, from the JSON document and the arrays of a result file. Each
+value is checked against its type hint.
+"""
 
 from __future__ import annotations
 
@@ -41,18 +43,20 @@ Take = Callable[[str, str, int], Numbers]
 
 @dataclass(frozen=True)
 class Decoder:
-    """Decoder that rebuilds a record. Raises Invalid for a value whose type differs from its type
-    hint.
+    """Decoder that builds a record, for example a model, from the JSON document and the arrays of a
+    file. Raises Invalid for a value whose type differs from its type hint.
 
-    If `lenient`, unknown fields are ignored.
+    `take` returns an array of the file. If `lenient`, unknown fields are ignored.
     """
 
     take: Take
     lenient: bool = False
 
     def value(self, node: object, hint: object, path: str, letters: Letters, sizes: Sizes) -> Any:
-        """Return the value of a type; `sizes` holds the lengths of dimensions that have occurred so
-        far in the object.
+        """Return the object of the type `hint` that a part of the document, `node`, describes.
+        `path` is the path of this part in the document. `letters` are the names of the dimensions
+        of an array. `sizes` holds the length of each dimension of other arrays in the same object;
+        the dimensions of this object are added.
         """
         form = taken_apart(hint)
         letters = form.letters or letters
@@ -185,7 +189,10 @@ def _plain_value(node: object, form: Hint, path: str) -> object:
 
 
 def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes: Sizes) -> None:
-    """Raise Invalid if two arrays have different lengths along a dimension with the same letter."""
+    """Raise Invalid if a dimension of an array has another length than the dimension with the same
+    letter of an earlier array. `sizes` holds the lengths so far, by letter; new letters are added
+    to it.
+    """
     for length, letter in zip(shape, letters, strict=False):
         name = letter.removesuffix(" or 0")
         if (length or name == letter) and sizes.setdefault(name, length) != length:
@@ -197,8 +204,8 @@ def _compare_lengths(path: str, shape: tuple[int, ...], letters: Letters, sizes:
 
 
 def wrong_with(value: object, check: object) -> str:
-    """Return the fault of a value according to an annotation in its type hint; an empty text if
-    there is none.
+    """Test a value by an annotation of its type hint, for example an interval. Return a description
+    of the fault; an empty text if the value passes.
     """
     if isinstance(check, Interval):
         low, high = (

@@ -1,9 +1,10 @@
 """Write and read HDF5 files: arrays in blocks, texts of a declared length, and protection against
 hostile contents.
 
-HDF5 can refer to other files of the computer, to one object a million times, or to gigabytes that
-take a kilobyte on the disk. The files of a run are plain trees of arrays, so anything else in a
-file is refused by name before any value is read.
+An HDF5 file can refer to other files of the computer, or to one object a million times, and a
+kilobyte on the disk can become gigabytes in memory. The files of a run are plain trees of arrays.
+Therefore, a file is checked before any value is read. If it contains anything else, an error names
+it.
 """
 
 from __future__ import annotations
@@ -84,7 +85,9 @@ def put_array(
 
 
 class Waiting(NamedTuple):
-    """An array that is still to be stored, and the reference to it in the document."""
+    """Array that is not stored yet, with the reference to it in the document, and its label
+    (description and unit).
+    """
 
     reference: Reference
     value: Numbers
@@ -92,13 +95,13 @@ class Waiting(NamedTuple):
 
 
 def put_arrays(file: h5py.File, arrays: Sequence[Waiting], digest: Digest) -> None:
-    """Store arrays and add them to a checksum. A long array that occurs twice, for example as a
-    column of a recording and of its curve, is stored once and linked.
+    """Store arrays and add them to a checksum. If a long array occurs twice, for example as a
+    column of a recording and of its curve, it is stored once, and the second one becomes a link.
 
-    Short arrays of the members of lists share a dataset, because writing a separate dataset for
-    each would take longer than everything else. The references to these arrays in the document are
-    changed accordingly. A short array gets its own dataset if its type or unit differs from that of
-    the first array in the shared one.
+    A list may have thousands of members with short arrays. Writing a separate dataset for each
+    array would take longer than everything else, so the same array of all members is stored in one
+    shared dataset, and the references in the document are changed accordingly. An array whose type
+    or label differs from that of the first array in the shared dataset gets its own dataset.
     """
     datasets: dict[str, list[Waiting]] = {}
     once: dict[tuple[int, str], str] = {}
@@ -168,9 +171,9 @@ def address_of(file: h5py.File, path: str) -> int | None:
 def take_array(
     file: h5py.File, path: str, dtype: str, ndim: int, mapped: Callable[[], Any]
 ) -> NDArray[Any]:
-    """Return an array. The function `mapped` returns the bytes of the file as a mapping into
-    memory; a huge array is a part of these bytes, so that it is not read as a whole. Raises
-    Invalid for another type or shape.
+    """Return the array at a path of the file. A huge array is not read as a whole: it is returned
+    as a part of `mapped()`, the bytes of the file mapped into memory. Raises Invalid if the array
+    has another type or another number of dimensions.
     """
     with stored_at(path):
         dataset = file.get(path)
@@ -187,7 +190,9 @@ def take_array(
 
 
 def root_text(file: h5py.File, name: str) -> str | None:
-    """Return an attribute of the root group as text; None if it is missing or is no short text."""
+    """Return an attribute of the root group as a text; None if it does not exist, is not a text, or
+    is longer than `LONGEST_WORD` bytes.
+    """
     with stored_at(""):
         if name not in file.attrs:
             return None
@@ -203,8 +208,8 @@ def root_text(file: h5py.File, name: str) -> str | None:
 
 
 def take_document(file: h5py.File) -> tuple[str, Any]:
-    """Return the document as text and as values. Raises Invalid for a document that is no plain
-    JSON.
+    """Return the JSON document of a file, first as text and then as Python objects. Raises Invalid
+    if it is not valid JSON.
     """
     where = "document"
     with stored_at(where):
@@ -215,7 +220,7 @@ def take_document(file: h5py.File) -> tuple[str, Any]:
         if not is_text or dataset.dtype.itemsize > DOCUMENT:
             raise Invalid(where, f"is not a text of at most {DOCUMENT // 10**6} MB")
         data = bytes(dataset[()])
-    # a document with NaN or infinity raises a KeyError here
+    # JSON has no NaN and no infinity: if the document has them, this function raises a KeyError
     no_number = dict[str, float]().__getitem__
     try:
         text = data.decode()
@@ -238,10 +243,14 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
     """Raise Invalid for a file that is not a plain tree of numbers and texts, or that unpacks to
     far more than its `size` in bytes.
 
-    The following is refused: links of all kinds, except one hard link to every object and two to a
-    dataset; data in other files (external storage, virtual datasets); filters other than gzip and
-    byte shuffle; types other than numbers and texts of a declared length; attributes that are more
-    than a few numbers or one text; and groups that are nested too deeply.
+    The following is refused:
+
+    - links, except hard links; each group may have one hard link, and each dataset two,
+    - data in other files (external storage, virtual datasets),
+    - filters other than gzip and byte shuffle,
+    - types other than numbers and texts of a declared length,
+    - attributes that are more than a few numbers or one short text,
+    - groups that are nested too deeply.
     """
     most = room = ROOM + ratio * size
     links: list[tuple[bytes, int]] = []
@@ -276,8 +285,8 @@ def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
 
 
 def _check_attributes(node: h5g.GroupID | h5d.DatasetID, where: str) -> None:
-    """Raise Invalid for attributes that are more than a few numbers or one text. The attributes are
-    examined without reading them.
+    """Raise Invalid for an attribute that is more than a few numbers or one short text. Only the
+    sizes and types of the attributes are examined, not their values.
     """
     with stored_at(where):
         count = h5a.get_num_attrs(node)
@@ -299,8 +308,8 @@ def _check_attributes(node: h5g.GroupID | h5d.DatasetID, where: str) -> None:
 
 
 def _bytes_of(dataset: h5d.DatasetID, where: str) -> int:
-    """Return the number of bytes of a dataset's values. Raises Invalid if they are not stored
-    plainly in this file.
+    """Return the number of bytes that the values of a dataset take in memory. Raises Invalid if the
+    values are in other files, or have a filter or a type that files of a run never have.
     """
     with stored_at(where):
         plist, kind = dataset.get_create_plist(), dataset.get_type()
@@ -324,8 +333,9 @@ def _bytes_of(dataset: h5d.DatasetID, where: str) -> int:
 
 @contextmanager
 def interrupted_later() -> Iterator[None]:
-    """Delay Ctrl-C until the end of the context. If its exception were raised in a function that
-    HDF5 calls, it would be lost, and the program would continue.
+    """Delay Ctrl-C until the end of the context. HDF5 calls functions of Python in it; if
+    KeyboardInterrupt were raised in such a function, it would be lost, and the program would
+    continue.
     """
     if threading.current_thread() is not threading.main_thread() or not callable(
         signal.getsignal(signal.SIGINT)
@@ -343,11 +353,11 @@ def interrupted_later() -> Iterator[None]:
 
 
 class SteadyFile(FileIO):
-    """A file for HDF5 in which no write fails: the first `fault` is kept, and later writes are
-    discarded.
+    """A file for HDF5 in which no write seems to fail. The first error is stored in `fault`, and
+    everything that is written later is discarded.
 
-    HDF5 cannot close a file that it could not write, and crashes when the program exits. So HDF5
-    never learns of the fault, and the caller checks for it after the file is closed.
+    If HDF5 sees that a write fails, it cannot close the file, and crashes when the program exits.
+    So errors are hidden from HDF5, and the caller checks `fault` after the file is closed.
     """
 
     fault: OSError | None = None

@@ -1,4 +1,4 @@
-"""Make the reference of the contents of result files, for docs/file-format.md."""
+"""Make the reference of all fields in result files, for docs/file-format.md."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ WORDS = {str: "text", Literal: "text", types.NoneType: "null", range: "[int, int
 
 
 def described() -> str:
-    """Return the reference as Markdown for docs/file-format.md: a section for every stored type,
-    after the sections of the types inside it.
+    """Return the reference as Markdown for docs/file-format.md. It has a section for each type of
+    object that is stored. If an object contains objects of other types, their sections come first.
     """
     head = "| name | stored as | unit | what it is |\n|---|---|---|---|\n"
     sections: dict[str, str] = {}
 
     def form(hint: object) -> str:
-        """Return the name of a type for the reference, and write the sections of the types inside
-        it.
+        """Return the name of a type as it stands in the reference, and add the sections of all
+        types inside it.
         """
         shape = taken_apart(hint)
         if shape.kind is np.ndarray:

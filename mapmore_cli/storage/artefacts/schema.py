@@ -67,10 +67,12 @@ LONGEST_PLACE = 200
 
 
 class Invalid(Exception):
-    """A file does not have the right format: `where` is the path inside it, `what` the fault."""
+    """Error for a file that does not have the right format. `where` is the path inside the file,
+    and `what` describes the fault.
+    """
 
     def __init__(self, where: str, what: str) -> None:
-        # a damaged file may hold a name of any length
+        # the path is shortened, because in a damaged file a name may be very long
         super().__init__(f"{shortened(where.lstrip('/'), LONGEST_PLACE) or 'the root'}, {what}")
 
 
@@ -88,7 +90,7 @@ def stored_at(where: str) -> Iterator[None]:
 
 @dataclass(frozen=True)
 class SegmentationFile:
-    """Contents of a segmentation file: the cuts of all training curves."""
+    """Contents of a segmentation file: how all training curves are cut into segments."""
 
     curves: Annotated[tuple[SegmentedCurve, ...], "training curves"]
 
@@ -97,11 +99,12 @@ class SegmentationFile:
 
 
 class Hint(NamedTuple):
-    """A type hint split into its parts.
+    """The parts of a type hint such as `Annotated[tuple[Curve, ...], "(k) training curves"]`.
 
     - `kind`: the type without its brackets; Union for several types.
     - `inner`: the contents of the brackets; for an array, the type of its numbers.
-    - `checks`, `letters`, `description`, `unit`: the annotations of the hint.
+    - `checks`, `letters`, `description`, `unit`: what the annotations say: tests of the value,
+      names of the dimensions, description and unit.
     """
 
     kind: Any
@@ -114,8 +117,8 @@ class Hint(NamedTuple):
 
 @cache
 def taken_apart(hint: Any) -> Hint:
-    """Return a hint split into parts, without annotations and aliases. (Since NumPy 2.5, `NDArray`
-    is such an alias.)
+    """Return the parts of a type hint. An alias is replaced by the type for which it stands. (Since
+    NumPy 2.5, `NDArray` is such an alias.)
     """
     marks: list[Any] = []
     while (alias := get_origin(hint) or hint) is Annotated or hasattr(alias, "__value__"):
@@ -144,7 +147,9 @@ def stored_fields(type_: Any) -> dict[str, tuple[Any, Any]]:
 
 @cache
 def bodies(kind: object) -> dict[str, type]:
-    """Return the types of models (`Body`) or of fits (`Fit`), by kind."""
+    """Return the dataclasses that can stand in a field of the type `Body` (models) or `Fit` (fits),
+    by the name of the kind of model. The result is empty for any other type.
+    """
     if kind not in (Body, Fit):
         return {}
     return {
@@ -155,17 +160,18 @@ def bodies(kind: object) -> dict[str, type]:
 
 
 def step_to(key: object, place: int) -> str:
-    """Return the name of a member in paths: its name, or its number if the name cannot be part of a
-    path.
+    """Return the part of a path that leads to a member of a mapping: the key of the member, or, if
+    the key contains other characters than letters, digits and `_`, the number of the member.
     """
     name = str(key)
     return name if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) else f"{place:03d}"
 
 
 def shared_path(path: str) -> str:
-    """Return the path of the dataset that the arrays of all members of a list share: the path of an
-    array with `all` instead of the numbers of members. The members of `others` (further outputs) do
-    not share datasets, because they have their own units.
+    """Return the path of the dataset that all members of a list share for one of their arrays. It
+    is the path of the array in one member, with `all` instead of the number of the member:
+    `pieces/all/theta` for `pieces/003/theta`. Only members of `others` (further outputs) have
+    separate datasets, because their units differ.
     """
     return re.sub(r"(?<!/others)/\d{3,}(?=/|$)", "/all", path)
 
@@ -173,7 +179,7 @@ def shared_path(path: str) -> str:
 def hints_of_members(hint: Hint, count: int) -> Sequence[Any]:
     """Return the type hint of each member of a tuple that has `count` members."""
     each = [hint.inner[0]] * count
-    # a damaged record can have more or fewer members than its type
+    # in a damaged file, a tuple can have more or fewer members than its type hint
     return each if hint.inner[1:] == (...,) else [*hint.inner, *each][:count]
 
 
@@ -181,9 +187,9 @@ def hints_of_members(hint: Hint, count: int) -> Sequence[Any]:
 
 
 def units_of(record: object) -> Units:
-    """Return the units of the quantities that an object contains, by name. The function `resolved`
-    needs these units, because a field may have the name of a quantity in brackets in place of its
-    unit, for example `[target]`.
+    """Return the units of the quantities in an object, by name. They are needed for fields whose
+    unit is that of a quantity: the type hint of such a field has the name of the quantity in
+    brackets, for example `[target]`, and `resolved` replaces the name by the unit.
     """
     match record:
         case Dataset():
@@ -203,8 +209,8 @@ def units_of(record: object) -> Units:
 
 
 def resolved(unit: str, units: Units) -> str:
-    """Return a unit in which every known `[name]` is replaced by the unit of that quantity. If a
-    power follows, a compound unit is put in brackets.
+    """Return `unit` with every known `[name]` replaced by the unit of the quantity `name`. If a
+    power follows, a compound unit is put in parentheses: `[x]^2` becomes `(N*m)^2`.
     """
 
     def known(match: re.Match[str]) -> str:
@@ -223,7 +229,8 @@ def encoded(
     path: str = "",
     outer: tuple[str, str] = ("", ""),
 ) -> object:
-    """Return a value in the form of JSON; its arrays are stored at their paths by `put`.
+    """Return a value as objects that JSON can represent. Arrays are passed to `put`, which stores
+    them at their paths and returns references to them.
 
     `outer` holds the description and unit of the field to which the value belongs.
     """

@@ -1,9 +1,10 @@
-"""Read recordings, with one file for each format. A file with a `READER` in this folder adds a
-format.
+"""Read recordings: each module in this folder reads one format. A new format is added by a module
+with a `READER`.
 
-The values of `data.reader`, the keys that each reader uses, the suffixes that are left out in ids
-of recordings, and the treatment of a file by `init` all follow from that declaration (`Reader`). A
-library that only one format needs is imported when such a file is read.
+The declaration `READER` (of the type `Reader`) determines all of the following: the value of
+`data.reader`, the keys of the spec that apply to the format, the suffixes of its files, which are
+left out in ids of recordings, and how `init` reads such a file. If only one format needs a library,
+the library is imported when such a file is read.
 """
 
 from __future__ import annotations
@@ -33,8 +34,9 @@ def suffix_of(path: Path) -> str:
 
 
 def reader_of(path: Path) -> Reader | None:
-    """Return the reader for files with this beginning or this name; None if no reader claims it.
-    If several readers claim the beginning, the one that also claims the name is returned.
+    """Return the reader for a file. It is found by the first bytes of the file, or, if no reader
+    recognises them, by the suffix of its name. If several readers recognise the first bytes, the
+    one that also has the suffix is preferred. Return None if there is no reader.
     """
     # the beginning of a pipe is not examined, because a pipe can be read only once
     head = head_of(path) if path.is_file() else b""

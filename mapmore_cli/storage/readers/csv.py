@@ -49,7 +49,7 @@ from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
-# number of rows that are examined for tables that stand side by side
+# number of rows in which tables are searched that stand side by side
 FIRST_ROWS = 200
 
 _WORDS = re.compile(r"[\s\"']*[^\W\d_]|[\s\"']*[#\[({]")
@@ -60,8 +60,8 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
     """Read the wanted columns of a text file.
 
     Compression (gzip, bzip2, xz) is recognised by content, not by name. Lines end with LF, CR LF or
-    CR. Blank lines are skipped (they count as header lines and as skipped rows); an empty field is
-    NaN. Fields after the last column must be blank.
+    CR. Blank lines are skipped, but the numbers `header` and `skip_rows` include them. An empty
+    field is NaN. Fields after the last column must be blank.
 
     Raises
     ------
@@ -116,8 +116,8 @@ def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable
 
 
 def _records_of(lines: Lines, request: TableRequest) -> tuple[Iterator[Numbered], str | None]:
-    """Return the records after the skipped rows, and the delimiter, which is None if runs of blanks
-    separate the fields.
+    """Return the records after the first `skip_rows` lines, and the delimiter between their fields.
+    The delimiter is None if one or more blanks or tabs separate the fields.
     """
     deque(islice(lines, request.skip_rows), maxlen=0)
     delimiter = _delimiter_of(request)
@@ -125,7 +125,7 @@ def _records_of(lines: Lines, request: TableRequest) -> tuple[Iterator[Numbered]
 
 
 def _delimiter_of(request: TableRequest) -> str | None:
-    """Return the character between fields; None for runs of blanks."""
+    """Return the character between fields; None if blanks or tabs separate the fields."""
     delimiter = DELIMITERS.get(request.delimiter, request.delimiter)
     return None if delimiter == WHITESPACE else delimiter
 
@@ -133,8 +133,9 @@ def _delimiter_of(request: TableRequest) -> str | None:
 def _begin(
     lines: Lines, request: TableRequest
 ) -> tuple[Layout, list[Numbered], Iterator[Numbered]]:
-    """Return the layout of the table, a list, and an iterator over the records that follow. The
-    list contains the first record if this record is no header; otherwise it is empty.
+    """Read the header of a table. Return three things: the layout of the table, the records that
+    were already read but belong to the data, and an iterator over the records that follow. With a
+    header, the second is empty. Without a header, it contains the first record.
     """
     records, split_at = _records_of(lines, request)
     first = next((record for record in records if record[1]), None)
@@ -147,8 +148,8 @@ def _begin(
 
 def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> None:
     """Raise NotANumber if the points in the numbers of a table separate thousands, although the
-    spec takes them for decimal points. Only a table in which this is possible is read again to find
-    out.
+    spec takes them for decimal points. The file is read again for this test, but only if the
+    numbers in a column leave this possibility open.
     """
     for number, (column, values) in enumerate(table.columns.items()):
         if request.cells(column).thousands is None and may_be_grouped(values):
@@ -173,9 +174,11 @@ def _rows_of(lines: Lines, request: TableRequest) -> tuple[Layout, Iterable[Row]
 
 
 def below_csv(path: Path, request: TableRequest) -> list[Below]:
-    """Return the tables that stand below each other or side by side in a text. A text with a line
-    of words or a blank line after its first numbers is read completely, because another table may
-    begin there. Of any other text, only the first rows are read.
+    """Return the tables that stand below each other or side by side in a text.
+
+    If the text contains a sign of a further table, it is read completely. Such a sign is a line of
+    words after the first numbers, or, if tables have no header lines, a blank line. Any other text
+    can only have tables side by side, so that its first rows are sufficient.
     """
     with reading(request.label, "text file", UNREADABLE):
         with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
@@ -193,7 +196,9 @@ def below_csv(path: Path, request: TableRequest) -> list[Below]:
 
 
 def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iterator[Numbered]:
-    """Yield the records of lines. Blank lines and comments are records without fields."""
+    """Yield the records in `lines`, each with the number of its last line. A blank line and a
+    comment are records without fields.
+    """
     kept = _without_comments(lines, request.comment)
     if delimiter is None:
         yield from ((lines.rows, line.split()) for line in kept)
@@ -203,7 +208,7 @@ def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iter
 
 
 def _without_comments(lines: Iterable[str], mark: str | None) -> Iterable[str]:
-    """Return the lines, with a blank line in place of each line that is a comment."""
+    """Replace each line that is a comment by a blank line, so that line numbers do not change."""
     if mark is None:
         return lines
     return ("\n" if line.lstrip().startswith(mark) else line for line in lines)
@@ -221,7 +226,8 @@ def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) 
 def _blocks_of(lines: Lines, layout: Layout, raw: BufferedReader) -> Iterator[list[Any]]:
     """Yield the line numbers and values of the remaining lines, (n,) each, block by block."""
     while block := lines.block():
-        if not block.strip(b"\r\n "):  # text may have millions of blank lines
+        # blank lines are skipped all at once, because a text may have millions of them
+        if not block.strip(b"\r\n "):
             lines.take(block, len(block.splitlines()))
             continue
         values = values_of_text(block, layout)
@@ -244,7 +250,9 @@ def _blocks_of(lines: Lines, layout: Layout, raw: BufferedReader) -> Iterator[li
 
 
 def _open_end(lines: Lines, request: TableRequest) -> OpenEnd | None:
-    """Return the cells of the last lines if the last line has no line end; None otherwise."""
+    """Return the cells of the last lines of a text if its last line has no line break at the end;
+    None otherwise. The line may then be incomplete.
+    """
     if not lines.is_open:
         return None
     last = _without_comments(lines.last_lines(), request.comment)
@@ -252,9 +260,9 @@ def _open_end(lines: Lines, request: TableRequest) -> OpenEnd | None:
 
 
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
-    """Return the first lines of a text file, split into fields once for each usual pair of
-    delimiter and decimal mark. For each delimiter, the decimal point comes before the decimal
-    comma.
+    """Return the first lines of a text file, split into fields in several ways: once for each usual
+    pair of delimiter and decimal mark. For each delimiter, the decimal point comes before the
+    decimal comma.
     """
     with reading(path.name, "text file", UNREADABLE):
         encoding = guess_encoding(path)
@@ -278,8 +286,9 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
 
 
 def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
-    """Return the fields of lines, split at the delimiter, or at runs of blanks if it is None. Blank
-    lines have no fields.
+    """Return the fields of each line. The lines are split at the delimiter; if it is None, at
+    blanks and tabs. Blank lines have no fields. The result is empty if a quotation mark is never
+    closed.
     """
     try:
         return (
@@ -287,7 +296,7 @@ def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
             if delimiter is None
             else list(csv.reader(lines, delimiter=delimiter))
         )
-    except csv.Error:  # a quotation mark in the lines may never be closed
+    except csv.Error:
         return []
 
 

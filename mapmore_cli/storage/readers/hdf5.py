@@ -1,8 +1,8 @@
-"""Read HDF5 and netCDF-4 files, and HDF5 files that MATLAB wrote. Groups, datasets, and fields of
-compound datasets have addresses such as `group/dataset[:,0]`.
+"""Read HDF5 and netCDF-4 files, and HDF5 files that MATLAB wrote.
 
-`root: "group[*]"` takes the members of a group in natural order (run_2 before run_10). Only the
-wanted columns are read.
+Groups, datasets, and fields of compound datasets have addresses such as `group/dataset[:,0]`. With
+`root: "group[*]"`, each member of a group is a recording. Members are in natural order (run_2
+before run_10). Only the wanted columns are read.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def opened_hdf5(
             )
         with h5py.File(stream, "r") as file:
             _refuse_other_files(file, label)
-            # the value is None for a link that leads nowhere
+            # `get` returns None if the name is a link without a target
             members = (file.get(name) for name in file)
             by_matlab = any("MATLAB_class" in one.attrs for one in members if one is not None)
             if by_matlab or kind == "MAT file":
@@ -136,8 +136,9 @@ def _attribute(node: h5py.HLObject, name: str) -> Values | str | None:
 
 
 def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
-    """Return the numbers that stored values stand for by the rules of netCDF: missing and invalid
-    values become NaN, and the others are scaled. `said` holds the attributes of the dataset.
+    """Return the numbers that stored values mean according to the rules of netCDF: missing and
+    invalid values become NaN, and the others are scaled. `said` holds the attributes of the dataset
+    that state these rules.
     """
     kind = stored.dtype.kind
     if str(said.get(UNSIGNED)).casefold() == "true" and kind == "i":
@@ -177,7 +178,7 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
         own = _own_values(dataset, selection)
         values = own if field is None else own.fields(field)
         if kind.kind != "O" or not dataset.shape:
-            # h5py reads a text without axes as bytes
+            # this includes a single text (an array without axes), which h5py returns as bytes
             return _written(dataset, selection, np.asarray(values[selection]))
         if h5py.check_string_dtype(kind):
             return _texts(dataset, values)[selection]
@@ -187,8 +188,8 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
 
 
 def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
-    """Return the indices along each axis of the parts of a dataset that were written; None if the
-    whole dataset was written.
+    """Return the parts of a dataset that were written, each as one range of indices for each axis.
+    Return None if the whole dataset was written.
     """
     if not dataset.size or dataset.external or dataset.is_virtual:
         return None
@@ -210,9 +211,9 @@ def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
 def _written(dataset: h5py.Dataset, selection: Selection, values: Values) -> Values:
     """Return the numbers of a selection, with NaN for values that were never written.
 
-    HDF5 allocates space for a whole chunk when the first value of the chunk is written, and fills
-    the rest with the fill value. Fill values at the end of a chunk therefore count as never written
-    if the next chunk was never written.
+    HDF5 allocates space for a whole chunk when the first value of the chunk is written, and the
+    rest of the chunk contains the fill value. If the next chunk was never written, fill values at
+    the end of a chunk are therefore treated as never written.
     """
     if values.dtype.kind not in "iuf" or (parts := _parts_written(dataset)) is None:
         return values
@@ -231,8 +232,9 @@ def _written(dataset: h5py.Dataset, selection: Selection, values: Values) -> Val
 
 
 def _texts(dataset: h5py.Dataset, values: h5py.Dataset) -> Values:
-    """Return texts of any length. They are read in parts that cannot fill the memory, up to the
-    limit to which a file may unpack.
+    """Return a dataset of texts of any length. The texts are read in several parts. After each
+    part, the total size is compared with the size of the file, so that a hostile file cannot fill
+    the memory.
     """
     size, width = dataset.file.id.get_filesize(), math.prod(dataset.shape[1:])
     parts, total = [np.zeros((0, *dataset.shape[1:]), dtype=object)], 0
@@ -246,7 +248,7 @@ def _texts(dataset: h5py.Dataset, values: h5py.Dataset) -> Values:
 
 
 # In MATLAB 7.3 files, the axes are in the opposite order.
-# Cells and the elements of struct arrays are stored as references to other objects.
+# MATLAB stores cells and the elements of struct arrays as references to other objects.
 
 
 def _matlab_struct(group: h5py.Group, kind: str = "a struct") -> Member:
@@ -328,8 +330,8 @@ _read: ContextVar[dict[str, int]] = ContextVar("_read")
 
 
 def _refuse_other_files(file: h5py.File, label: str) -> None:
-    """Raise DataError for links to other files before one is followed, because they may lead
-    anywhere on this computer.
+    """Raise DataError if the file contains links to other files. Such links are refused before they
+    are followed, because they may lead to any file on this computer.
     """
     from h5py import h5l
 
@@ -345,10 +347,10 @@ def _refuse_other_files(file: h5py.File, label: str) -> None:
 
 
 def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> h5py.Dataset:
-    """Return the dataset unchanged if a selection of it may be read.
+    """Check that a selection of a dataset may be read, and return the dataset.
 
-    Raises DataError if its values are in other files (external storage, virtual datasets), and if
-    the total amount requested from its file is far larger than the file.
+    Raises DataError if its values are in other files (external storage, virtual datasets), or if
+    the selections that were read from its file so far are together far larger than the file.
     """
     if dataset.external or dataset.is_virtual:
         raise DataError(
@@ -361,7 +363,7 @@ def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> h5py.Datase
         1 if isinstance(one, int) else length
         for one, length in zip_longest(selection, dataset.shape)
     ]
-    # a value becomes a double when it is read, so it counts as at least eight bytes
+    # a value takes at least eight bytes, because it becomes a double when it is read
     read[f"{dataset.name}{selection}"] = math.prod(lengths) * max(dataset.dtype.itemsize, 8)
     refuse_bombs(dataset.name, sum(read.values()), dataset.file.id.get_filesize())
     return dataset
@@ -390,7 +392,9 @@ def _refuse_other_filters(dataset: h5py.Dataset) -> None:
 
 
 def _check_fit(selection: Selection, shape: Sequence[int]) -> None:
-    """Raise IndexError for a selection outside an array, as NumPy does and h5py does not."""
+    """Raise IndexError for a selection outside of an array. NumPy does the same, but h5py raises
+    another error.
+    """
     if len(selection) > len(shape) or any(
         isinstance(i, int) and i >= n for i, n in zip(selection, shape, strict=False)
     ):

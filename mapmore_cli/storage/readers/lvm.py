@@ -36,12 +36,14 @@ KIND = f"{BEGINS} file"
 
 @dataclass(frozen=True)
 class LvmSegment:
-    """A segment of a file: one header and the rows of cells below it.
+    """A segment of a file: a header and the rows of cells below it.
 
     - `said`: entries of the header for each channel, by keyword.
     - `titles`: titles of all columns.
-    - `open_end`, `padding`: only the last segment has them. They are its last line, if it has no
-      line end, and the number of fill characters after it.
+    - `rows`: rows of cells, each with its line number.
+    - `open_end`: last lines of the file, if the last line has no line break at its end. Only the
+      last segment has it.
+    - `padding`: number of fill characters at the end of the file. Only the last segment has it.
     """
 
     said: Mapping[str, Sequence[str]]
@@ -51,7 +53,9 @@ class LvmSegment:
     padding: int = 0
 
     def of_channel(self, keyword: str, channel: int = 0) -> str:
-        """Return an entry of the header about a channel, or an empty text if it is missing."""
+        """Return the entry of the header with this keyword for a channel; an empty text if there is
+        none.
+        """
         return next(iter(self.said.get(keyword, ())[channel:]), "").strip()
 
     @property
@@ -60,7 +64,7 @@ class LvmSegment:
         return self.of_channel("Decimal_Separator") or "."
 
     def number(self, keyword: str, channel: int = 0) -> float:
-        """Return a number in the header about a channel, or 0 if it is missing."""
+        """Return the number in the header with this keyword for a channel; 0 if there is none."""
         number = number_of(self.of_channel(keyword, channel), self.decimal)
         return number if number is not None and np.isfinite(number) else 0.0
 
@@ -75,13 +79,15 @@ class LvmSegment:
 
     @property
     def began(self) -> float:
-        """Seconds since 1970 from which `X_Value` counts; 0 if it counts from no date."""
+        """Time at which `X_Value` is zero, in seconds since 1970. It is 0 if the header gives no
+        date, or if `X_Value` itself is an absolute time.
+        """
         stamp = stamp_of(f"{self.of_channel('Date')} {self.of_channel('Time')}")
         return 0.0 if stamp is None or self.of_channel("Time_Pref") == "Absolute" else stamp[1]
 
     def timed_rows(self, since: float) -> list[Row]:
-        """Return the rows with times that count from `since`. If no column holds the times, they
-        follow from the header.
+        """Return the rows with their times in seconds after `since`. If no column holds the times,
+        they are computed from the start and the time step in the header.
         """
         first, step = self.number("X0"), self.number("Delta_X")
         places = [place for place, title in enumerate(self.titles) if title == TIME]
@@ -114,7 +120,7 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
             rows = segment.timed_rows(segments[0].began)
             if recordings and _goes_on(*recordings[-1], segment, rows):
                 whole = recordings.pop()[1]
-                # `extend` keeps one list, because a copy for each segment would take long
+                # the list is extended, because copying all rows for each segment would take long
                 whole.extend(rows)
                 rows = whole
             recordings.append((segment, rows))

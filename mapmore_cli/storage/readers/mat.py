@@ -1,12 +1,10 @@
-"""Read MATLAB files: versions 5 to 7 from their bytes, 4 with SciPy, 7.3 as HDF5. The version is
-recognised by the content, not by the name.
+"""Read MATLAB files. The versions 5 to 7 are read here, byte by byte; version 4 is read with SciPy,
+and version 7.3 as HDF5. The version is recognised by the content, not by the name.
 
-Arrays are addressed like `run.P` or `train[3].y[:,0]`; `root: "train[*]"` takes every element of a
-cell or struct array. Indices count from 0. Cell and struct arrays have one index, in MATLAB's
-order. Only the named variables are unpacked.
-
-SciPy could read the versions 4 to 7, but a damaged file of version 5 or later can crash its
-compiled code.
+Arrays have addresses such as `run.P` or `train[3].y[:,0]`; `root: "train[*]"` reads every element
+of a cell or struct array as a recording. Indices are counted from 0. Cell and struct arrays have
+one index, in MATLAB's order. Only the named variables are unpacked. SciPy could read the versions 5
+to 7 too, but a damaged file of these versions can crash its compiled code.
 """
 
 from __future__ import annotations
@@ -53,10 +51,10 @@ MOST_ELEMENTS = 100_000
 
 @contextmanager
 def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator[Member]:
-    """Open a file of any version.
+    """Open a MATLAB file of any version.
 
-    Raises DataError if the file is no MAT file or is damaged, and for a requested MATLAB object (a
-    table, datetime, ...).
+    Raises DataError if the file is no MAT file or is damaged. A MATLAB object (a table, datetime,
+    ...) raises DataError only if it is requested.
     """
     import h5py
 
@@ -66,7 +64,8 @@ def opened_mat(path: Path, label: str, request: TableRequest | None) -> Iterator
         return
     with reading(label, KIND), path.open("rb") as stream:
         whole = memoryview(stream.read())
-        if 0 in whole[:4]:  # a zero among the first four bytes is a sign of version 4
+        # files of version 4 have a zero among the first four bytes; later versions begin with text
+        if 0 in whole[:4]:
             variables = list(_version_4(path))
         else:
             order = {b"IM": "<", b"MI": ">"}[bytes(whole[126:128])]
@@ -81,14 +80,16 @@ Element = tuple[int, memoryview]
 
 @dataclass(frozen=True)
 class _Version5:
-    """Reader of the elements of a file of version 5, with its byte `order` and its size."""
+    """Reader of a file of version 5 to 7. Such a file consists of elements, each with a type and a
+    size. `order` is the byte order of the file (`<` or `>`), and `file_size` is its size in bytes.
+    """
 
     order: str
     file_size: int
 
     def variables(self, content: memoryview) -> Iterator[tuple[str, Any]]:
-        """Yield the name of each variable and a function that reads the variable. The argument of
-        the function is the name that messages show.
+        """Yield the name of each variable, and a function that reads the variable. The argument of
+        the function is the name of the variable in error messages.
         """
         for kind, part in self.elements(content):
             if kind in (MATRIX, COMPRESSED) and part:
@@ -116,13 +117,13 @@ class _Version5:
         return memoryview(content)
 
     def elements(self, content: memoryview) -> Iterator[Element]:
-        """Yield consecutive elements. Raises ValueError for an element that continues beyond the
-        end of the data.
+        """Yield the elements in `content`, one after the other. Raises ValueError for an element
+        that continues beyond the end of the data.
         """
         place = 0
         while place < len(content):
             kind, size = struct.unpack_from(f"{self.order}II", content, place)
-            small = kind >> 16  # a small element has its number of bytes in the tag itself
+            small = kind >> 16  # the tag of a small element contains the size of the element
             start, size = (place + 4, small) if small else (place + 8, size)
             if start + size > len(content):
                 raise ValueError("an array is cut off")
@@ -142,7 +143,8 @@ class _Version5:
         of_class = flags & 0xFF
         if of_class == FUNCTION:
             raise object_of_matlab(name, "a function")
-        if of_class in (OBJECT, OPAQUE):  # the class of an object follows its size and name
+        # the third element is the name of the class, after the size and the name of the object
+        if of_class in (OBJECT, OPAQUE):
             raise object_of_matlab(name, [_letters(part) for part in islice(parts, 3)][2])
         if of_class == SPARSE:
             raise _sparse(name)
@@ -157,7 +159,7 @@ class _Version5:
             encoding = {1: "utf-8", 2: f"utf-16-{end}"}.get(width, f"utf-32-{end}")
             text = bytes(letters).decode(encoding, "replace")
             return Member("text", values=lambda _: np.array([text]))
-        # complex numbers are read as such, but are always refused later
+        # complex numbers are read, but `as_numbers` refuses them later
         stored = np.complex128 if flags & COMPLEX else np.float64
         array = self.numbers(next(parts)).reshape(shape, order="F").astype(stored)
         return array_of(array.__getitem__, shape)
@@ -205,8 +207,8 @@ def _sparse(name: str) -> DataError:
 
 
 def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
-    """Yield the name of each variable, and a function that makes a member of it. SciPy reads
-    version 4 without its compiled code, which damaged files could crash.
+    """Yield the name of each variable of a file of version 4, and a function that returns the
+    variable as a `Member`. SciPy reads version 4 in Python code, which a damaged file cannot crash.
     """
     from scipy.io import loadmat, whosmat
 
@@ -217,7 +219,7 @@ def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
 
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "The default value for `spmatrix`", DeprecationWarning)
-        # SciPy returns the last of several variables with the same name
+        # if several variables have the same name, SciPy warns and returns the last
         warnings.filterwarnings("ignore", "Duplicate variable name")
         variables = loadmat(str(path), appendmat=False)
         names = whosmat(str(path), appendmat=False)

@@ -20,8 +20,8 @@ from mapmore_cli.storage.tables.overview import tree_reader
 
 @contextmanager
 def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterator[Member]:
-    """Open an archive. An array is read when it is needed, and never as Python objects, which could
-    run code.
+    """Open an archive. An array is read only when it is needed. Arrays of Python objects are
+    refused, because reading them could run code.
 
     Raises DataError if the file is no archive, is damaged, or unpacks to far more than its size.
     """
@@ -33,8 +33,8 @@ def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterato
 
 
 def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, size: int) -> Member:
-    """Return an array in an archive of `size` bytes. The sizes that the archive states may be
-    wrong, so they are checked.
+    """Return an array in an archive of `size` bytes. The sizes that the archive declares are
+    checked first, because they may be wrong.
     """
     name = part.filename.removesuffix(".npy")
     refuse_bombs(f"'{name}'", part.file_size, min(part.compress_size, size))

@@ -57,7 +57,8 @@ def _parquet_column(file: ParquetFile, field: Field, size: int) -> Member:
             "write a column of numbers, for example with `frame.astype(float)` or `frame.explode`",
         )
 
-    if types.is_decimal(kind):  # decimals are read as objects of a hundred bytes each
+    # a decimal number takes about a hundred bytes in memory, because it becomes a Python object
+    if types.is_decimal(kind):
         refuse_bombs(f"'{field.name}'", 100 * file.metadata.num_rows, size)
 
     def values(selection: Selection) -> Values:
@@ -83,6 +84,7 @@ def _unit_noted(file: ParquetFile, field: Field) -> str:
 
 READER = replace(
     tree_reader("parquet", opened_parquet, (".parquet",), "force", by_index=False, begins=b"PAR1"),
-    # only `root` is allowed: other keys for texts have no effect, because the columns hold numbers
+    # the keys for numbers in texts, such as `decimal`, are left out, because columns of texts are
+    # refused
     keys=("root",),
 )

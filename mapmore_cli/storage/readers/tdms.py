@@ -30,14 +30,15 @@ CUT = Cut(
 
 @contextmanager
 def opened_tdms(path: Path, label: str, request: TableRequest | None) -> Iterator[Member]:
-    """Open a file and return its members. These are the groups; for a request without `root`, they
-    are all channels with their full names.
+    """Open a file, and return a member that contains its groups, whose members are the channels.
+    But for a request without `root`, the member contains all channels of the file with their full
+    names, such as `Group/Channel`.
 
     Numbers are scaled as LabVIEW shows them. Raises DataError if the file is no TDMS file or is
     damaged, and if npTDMS is not installed.
     """
     nptdms = optional_library("nptdms", "npTDMS", label)
-    # messages of npTDMS on stderr are repeated below as errors
+    # npTDMS would print messages on stderr about faults that also raise an error below
     nptdms.log.log_manager.set_level("CRITICAL")
     with reading(label, "TDMS file"), path.open("rb") as stream:
         cut = CUT if request is not None and _breaks_off(stream) else None
@@ -66,14 +67,16 @@ def opened_tdms(path: Path, label: str, request: TableRequest | None) -> Iterato
 
 
 def _in_order(members: Sequence[tuple[str, Member]]) -> Member:
-    """Return a group of members in the order in which they were written."""
+    """Return a group of the given members; its order is the order in which they were written."""
     names, every = [name for name, _ in members], [member for _, member in members]
     kind = f"a group of {len(every)}"
     return Member(kind, names, dict(members).__getitem__, len(every), every.__getitem__)
 
 
 def _channel(channel: Any, size: int) -> Member:
-    """Return a channel of a file of `size` bytes; each value takes at least one byte."""
+    """Return a channel as a member. Raises ValueError if it declares more values than a file of
+    `size` bytes can contain; each value takes at least one byte.
+    """
     if len(channel) > size:
         raise ValueError(
             f"'{channel.name}' declares {len(channel)} values, more than the file can hold"
@@ -87,7 +90,7 @@ def _channel(channel: Any, size: int) -> Member:
 
 
 def _waveform(properties: Mapping[str, Any]) -> Noted:
-    """Return what LabVIEW stored about a waveform: the unit, the time step and the start."""
+    """Return the unit, the time step and the start time of a waveform from its properties."""
     start = properties.get("wf_start_time", np.datetime64(0, "s"))
     began = float(as_numbers(start, "wf_start_time", CellReader(clock=True)))
     return Noted(
@@ -98,8 +101,9 @@ def _waveform(properties: Mapping[str, Any]) -> Noted:
 
 
 def _breaks_off(stream: BinaryIO) -> bool:
-    """Return True if the last segment is cut off. npTDMS skips such a segment without a message, so
-    the lead-ins are checked here.
+    """Return True if the last segment of the file is incomplete. npTDMS would skip such a segment
+    without a message. Therefore, the lengths at the beginning of all segments are added up here and
+    compared with the size of the file.
     """
     size = stream.seek(0, os.SEEK_END)
     position = 0
@@ -107,7 +111,8 @@ def _breaks_off(stream: BinaryIO) -> bool:
         stream.seek(position)
         lead_in = stream.read(LEAD_IN)
         if len(lead_in) < LEAD_IN or not lead_in.startswith(TAG):
-            # a file without the tag at position 0 is no TDMS file, and no cut-off segment
+            # if the tag is missing at the beginning of the file, the file is no TDMS file; if it is
+            # missing at a later segment, the file is incomplete
             return position > 0
         order: Literal["big", "little"] = "big" if lead_in[4] >> 6 & 1 else "little"
         # the length is 2^64 - 1 if LabVIEW crashed while it wrote the segment

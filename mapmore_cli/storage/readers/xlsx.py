@@ -46,12 +46,12 @@ megabyte.
 
 FILL_SHEET = "Fill the sheet, or name the sheet to read with `sheet`."
 
-TOO_LARGE = 3  # exit code of the reading process if the sheets span too many cells
+TOO_LARGE = 3  # exit code of the process that reads the workbook, if a sheet has too many cells
 
 
 @dataclass(frozen=True)
 class DateCell:
-    """A date or a time in a cell, as opposed to a text that only looks like one."""
+    """A cell with the type date or time. (A text that looks like a date is a `str`.)"""
 
     stamp: str
 
@@ -60,7 +60,9 @@ class DateCell:
 
 
 class Percentage(float):
-    """A number that the workbook shows in per cent: 0.2 as 20 %."""
+    """A number that the workbook shows in per cent. The stored number, for example 0.2, is shown as
+    20 %.
+    """
 
 
 IS_RATIO = Noted("1", shown="is shown in per cent: 0.2 stands behind 20 %")
@@ -69,8 +71,8 @@ IS_RATIO = Noted("1", shown="is shown in per cent: 0.2 stands behind 20 %")
 
 @dataclass(frozen=True)
 class SheetCells:
-    """A sheet: its rows, all as wide as the widest, and the indices of hidden rows and columns,
-    counted from 0.
+    """A sheet of a workbook. All rows have the same number of cells. `hidden_rows` and
+    `hidden_columns` are the indices of hidden rows and columns, counted from 0.
     """
 
     title: str
@@ -80,8 +82,8 @@ class SheetCells:
     hidden_columns: list[int]
 
     def filled_rows(self, skip_rows: int) -> list[Row]:
-        """Return the rows after `skip_rows` with at least one filled cell, with their numbers,
-        counted from 1.
+        """Return the rows that contain at least one filled cell, without the first `skip_rows` rows
+        of the sheet. Each row is returned with its number in the sheet, counted from 1.
         """
         return [
             (number, row)
@@ -91,10 +93,11 @@ class SheetCells:
 
 
 def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
-    """Read the wanted columns of one sheet of a workbook, or of every sheet that matches the glob
-    of the request.
+    """Read the wanted columns of one sheet of a workbook, or of every sheet whose title matches the
+    glob `request.sheet`.
 
-    Empty rows are skipped (they count as header lines and as skipped rows); an empty cell is NaN.
+    Empty rows are skipped, but the numbers `header` and `skip_rows` include them. An empty cell is
+    NaN.
 
     Raises
     ------
@@ -109,8 +112,9 @@ def read_xlsx(path: Path, request: TableRequest) -> list[RawTable]:
 
 
 def peek_xlsx(path: Path, most: int) -> Iterable[Top]:
-    """Return the first rows of every visible sheet that is not empty, in their order. A spec must
-    name the sheet that it reads, unless this is the first.
+    """Return the first rows of every visible sheet that is not empty, in the order of the sheets.
+    For all sheets except the first, the settings contain the title of the sheet, because a spec
+    must name it.
     """
     with reading(path.name, "workbook"):
         sheets = _visible_sheets(_sheets_in(path, path.name, most))
@@ -140,8 +144,9 @@ def _is_filled(cell: object) -> bool:
 
 
 def _decimal_in_texts(rows: Iterable[Sequence[Any]]) -> str | None:
-    """Return the decimal mark of the numbers that are written as texts; None if there are fewer
-    than two such texts, because a single title or remark can look like a number.
+    """Return the decimal mark of the numbers that the sheet stores as texts. At least two such
+    texts must have the same mark; otherwise, the result is None, because a single title or remark
+    can look like a number.
     """
     texts = [cell for row in rows for cell in row if isinstance(cell, str)]
     counts = {
@@ -153,9 +158,9 @@ def _decimal_in_texts(rows: Iterable[Sequence[Any]]) -> str | None:
 
 
 def _number_rule(decimal: str | None) -> Callable[[Any], bool]:
-    """Return a function that tells whether a cell holds a number. Texts count as numbers only if
-    `decimal` is given: the decimal mark of numbers that the sheet stores as texts. Without it, a
-    text such as `2026` is a title.
+    """Return a function that returns True for a cell with a number. If the sheet stores numbers as
+    texts, `decimal` is their decimal mark, and the function accepts such texts. If `decimal` is
+    None, all texts are titles or remarks, for example `2026`.
     """
     if decimal is None:
         return lambda cell: not isinstance(cell, str) and holds_number(cell)
@@ -166,7 +171,8 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
     """Return the sheets of a workbook with at most `most` rows each; 0 means all rows. Raises
     ValueError for a damaged workbook.
 
-    A separate process reads them: see `storage/workbooks/__main__.py`.
+    The workbook is read by a separate process, which a damaged workbook can crash: see
+    `storage/workbooks/__main__.py`.
     """
     optional_library("python_calamine", "python-calamine", label)
     size, head = path.stat().st_size, head_of(path)
@@ -207,7 +213,9 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
 
 
 def _special_cell(said: dict[str, Any]) -> DateCell | Lacking | Percentage:
-    """Return the object for a cell that JSON cannot represent."""
+    """Return the object for a cell that the other process has written as a JSON object, because it
+    is neither a number nor a text.
+    """
     if "percent" in said:
         return Percentage(said["percent"])
     if "stamp" in said:
@@ -230,9 +238,11 @@ def _visible_sheets(sheets: list[SheetCells]) -> list[SheetCells]:
 def _chosen_sheets(
     sheets: list[SheetCells], request: TableRequest
 ) -> tuple[list[SheetCells], tuple[str, ...]]:
-    """Return the sheets to read, and warnings about the choice.
+    """Return the sheets that the request selects by a title or a glob, and warnings. Without a
+    title, the first visible sheet is selected, with a warning if other sheets contain cells.
 
-    A hidden sheet is read if it is named. If there are several sheets, empty ones are left out.
+    A hidden sheet is selected only by its exact title. Among the sheets that match a glob, empty
+    ones are left out, unless all are empty.
     """
     visible, label = _visible_sheets(sheets), request.label
     if not visible:

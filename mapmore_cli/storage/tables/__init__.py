@@ -1,4 +1,6 @@
-"""Define the requests that every reader of recordings receives, and the tables that it returns."""
+"""Define what readers of recordings receive and return: a request for columns of a file, and tables
+with the values of these columns.
+"""
 
 from __future__ import annotations
 
@@ -23,37 +25,40 @@ GET_SAMPLES = "Get the file again, or leave it out, because a recording needs sa
 """What to do with a file that holds no samples."""
 
 WhichTable = int | Literal["map"]
-"""The number of a table in a file with several, or `map`."""
+"""Number of the table to read in a file with several tables, or `map` for a map of cells."""
 
 
 @dataclass(frozen=True)
 class TableRequest:
-    """The wanted columns of a file, and the information that its reader needs.
+    """The wanted columns of a file, and the information that its reader needs. If a field applies
+    only to some formats, they are named in parentheses.
 
     - `label`, `columns`: name of the file in messages, and the wanted columns.
     - `header`: number of header lines, the first of which holds the names (text, sheets).
-    - `skip_rows`: lines above the header (text, sheets).
-    - `delimiter`: one character, `tab`, or `whitespace`: any run of blanks and tabs (text).
-    - `decimal`, `thousands`: separators in numbers (texts, and cells that hold texts).
-    - `comment`: beginning of lines that are no records (text).
+    - `skip_rows`: number of lines above the header (text, sheets).
+    - `delimiter`: character between fields, or `tab`, or `whitespace` for one or more blanks and
+      tabs (text).
+    - `decimal`, `thousands`: decimal mark and thousands separator of numbers that are stored as
+      text.
+    - `comment`: characters with which a comment line begins (text).
     - `encoding`: encoding of the characters (text); a UTF-8 byte order mark is skipped.
-    - `sheet`: title of the sheet, or a glob whose matches are one recording each; None for the
-      first visible sheet (workbooks).
+    - `sheet`: title of the sheet to read; None for the first visible sheet. A glob selects several
+      sheets, and each of them is a recording (workbooks).
     - `hidden`: `keep` or `drop` hidden rows (workbooks).
-    - `root`: place from which columns are addressed; `train[*]` makes every element a recording
-      (MAT, HDF5).
+    - `root`: address below which columns are searched; `train[*]` makes every element of `train` a
+      recording (trees of arrays such as MAT and HDF5).
     - `missing`: texts that mean a missing value, besides the usual ones (text, sheets).
-    - `clocks`: columns whose cells may be time stamps; `formats`: formats for `strptime` of some of
-      them; `second`: one second in the unit of the clock.
-    - `thousands_of`: the mark between thousands, for columns in which it differs from that of the
-      table.
-    - `texts`: the columns that hold texts, with the number of each text that was read so far.
-    - `table`: which of several tables below each other or side by side is read, counted from 1;
-      `map` for a map of cells, see `tables/below.py` (text, sheets).
-    - `incomplete`: True if incomplete last records count as missing values, False if they are
-      errors.
+    - `clocks`: columns whose cells may be time stamps.
+    - `formats`: formats of the time stamps of some of these columns, as for `strptime`.
+    - `second`: length of one second in the unit of the time column.
+    - `thousands_of`: thousands separators of columns in which it differs from `thousands`.
+    - `texts`: the columns that hold texts, with the number that represents each text read so far.
+    - `table`: number of the table to read, counted from 1, if several stand below each other or
+      side by side; `map` for a map of cells, see `tables/below.py` (text, sheets).
+    - `incomplete`: True if incomplete records at the end are treated as missing values, False if
+      they are errors.
     - `progress`: function that is called from time to time with the number of bytes read (only for
-      text, in which long files take long).
+      text, because reading long text files takes long).
     """
 
     label: str
@@ -80,7 +85,7 @@ class TableRequest:
 
     @property
     def marks_of_thousands(self) -> set[str]:
-        """Return the thousands separators that occur in any column."""
+        """Return the thousands separators of all columns."""
         return {*filter(None, [self.thousands, *self.thousands_of.values()])}
 
     def cells(self, column: SourceColumn) -> CellReader:
@@ -104,9 +109,11 @@ class Noted:
     """Information that a file contains about one of its columns.
 
     - `unit`: the unit in the file's spelling; empty if there is none.
-    - `step`, `start`: seconds between samples, 0 if unknown, and the time of the first sample.
-    - `is_scaled`: True if the numbers were scaled as the file says.
-    - `shown`: how the program that wrote the file shows the numbers, if the unit follows from that.
+    - `step`: time between samples in s; 0 if unknown.
+    - `start`: time of the first sample in s.
+    - `is_scaled`: True if the reader has already scaled the numbers as the file demands.
+    - `shown`: for messages, how the program that wrote the file shows the numbers, if their unit is
+      known only from this (for example per cent); otherwise empty.
     - `never_written`: number of values for which the file has space, but which were never written.
     """
 
@@ -122,9 +129,10 @@ class Noted:
 class Cut:
     """Evidence that a file is incomplete at its end.
 
-    - `said`, `remedy`: message and remedy if an incomplete file is an error.
-    - `done`: how the end of the file is treated if missing values are left out.
-    - `rows`: number of rows at the end that cannot be trusted.
+    - `said`, `remedy`: text and remedy of the error that is raised if missing values are errors.
+    - `done`: text for the warning if missing values are left out; it says how the end of the file
+      is treated.
+    - `rows`: number of rows at the end that may be wrong.
     """
 
     said: str
@@ -140,8 +148,9 @@ class Cut:
 
 @dataclass(frozen=True)
 class OpenEnd:
-    """End of a text whose last line has no line end. `row` is the number of this line, `rows` are
-    the cells of the last lines, and `decimal` is the decimal separator of the text.
+    """The last lines of a text that does not end with a line break, so that its last line may be
+    incomplete. `row` is the number of the last line, `rows` are the cells of the last lines, and
+    `decimal` is the decimal mark.
     """
 
     row: int
@@ -157,15 +166,18 @@ IN_MEMORY = "row from 0"
 class RawTable:
     """Columns as stored in the file, before scaling and conversion.
 
-    `columns` has one array, (n,), for each column of the request, NaN for an empty cell. `label` is
-    the name of the table in messages (the file, and the part of it). `titles` holds the titles of
-    columns that were renamed, and `doubts` the warnings of the reader. `rows`, (n,), is the number
-    of each sample in the file; `place` says what is counted: `row` (line of a text file or row of a
-    sheet, counted from 1), `index` (of an array, counted from 0) or `IN_MEMORY`. `element`
-    identifies a recording within the file, by a number or the title of its sheet; None if the file
-    has only one. `noted` is the information in the file about its columns. `breaks_off`, `open_end`
-    and `padding` (a number of characters) describe the end of the file; the gate (`tables/gate.py`)
-    decides what follows from them.
+    - `columns`: array of each column of the request, (n,), with NaN for an empty cell.
+    - `rows`: number of each sample in the file, (n,).
+    - `label`: name of the table in messages (the file, and the part of it).
+    - `place`: what `rows` counts: `row` (lines of a text file or rows of a sheet, from 1), `index`
+      (elements of an array, from 0) or `IN_MEMORY`.
+    - `element`: number or title of the recording in the file; None if the file has only one.
+    - `doubts`: warnings of the reader.
+    - `noted`: information in the file about its columns.
+    - `breaks_off`, `open_end`, `padding`: evidence that the file is incomplete, its last lines, and
+      the number of fill characters at its end. The gate (`tables/gate.py`) uses them to decide
+      whether rows at the end are left out or an error is raised.
+    - `titles`: titles of columns that were renamed.
     """
 
     columns: Mapping[Any, Array]
@@ -192,18 +204,20 @@ class RawTable:
         return f"{self.label}:{self.place} {self.rows[sample]}"
 
     def is_empty_at(self, sample: int) -> bool:
-        """Return True if a sample has no value at all, or if there is no sample."""
+        """Return True if all values of a sample are missing, or if the table has no samples."""
         return not self.size or all(x[sample] != x[sample] for x in self.columns.values())
 
 
 @dataclass(frozen=True)
 class Top:
-    """The first rows of a file, read with certain `settings` of `data`. `is_number` returns True
-    for cells with numbers.
+    """The first rows of a file, and how they were read.
 
-    `addresses` are the names by which a spec addresses the columns, if the file is a tree of
-    arrays. `sheet` is the title of the sheet in a workbook. `units` are the units of all columns,
-    if the file gives them outside its rows.
+    - `rows`: the rows of cells, including the header.
+    - `is_number`: function that returns True for cells with numbers.
+    - `settings`: settings of the section `data` with which the file was read.
+    - `addresses`: addresses of the columns in a spec, if the file is a tree of arrays.
+    - `sheet`: title of the sheet in a workbook.
+    - `units`: units of all columns, if the file gives them outside its rows.
     """
 
     rows: Sequence[Sequence[Any]]
@@ -216,22 +230,23 @@ class Top:
 
 @dataclass(frozen=True)
 class Reader:
-    """A format of recordings. Everything that the program knows about it is declared as `READER` in
-    one file of `storage/readers/`.
+    """A format of recordings. Everything that the program knows about a format is declared as
+    `READER` in one file of `storage/readers/`.
 
     - `name`: value of `data.reader`.
-    - `read`: function that reads the wanted columns of a file, with one table for every recording
-      in it. The gate (`tables/gate.py`) checks its result.
+    - `read`: function that reads the wanted columns of a file, and returns one table for every
+      recording in it. The gate (`tables/gate.py`) checks its result.
     - `suffixes`: suffixes of such files, in lower case.
     - `keys`: keys of `data` that this reader uses, besides the keys that every reader uses.
     - `column`: example of the name of a column in a spec.
     - `by_index`: True if columns can also be addressed by their 0-based index.
-    - `peek`: function that reads the first rows of a file in every way that may be meant, the most
-      probable first; without it, `read` is called without columns, which means all columns.
-    - `below`: function that returns the tables below each other or side by side in a file, for a
-      request without columns.
-    - `begins`: regular expression of the first bytes of such files, whatever their names, in which
-      a dot is any byte; empty if the format cannot be recognised by them.
+    - `peek`: function that reads the first rows of a file in every way in which the file can be
+      read, the most probable way first. If it is None, `read` is called with a request without
+      columns, which means all columns.
+    - `below`: function that returns all tables that stand below each other or side by side in a
+      file. Its request has no columns.
+    - `begins`: regular expression for the first bytes of such files, in which a dot is any byte;
+      empty if the format cannot be recognised by its first bytes.
     """
 
     name: str
@@ -281,8 +296,8 @@ def locate_columns(
 
 
 def known_names(name: str, known: Sequence[str], introduction: str, most: int = 12) -> str:
-    """Return a remedy for a name that does not exist: the most similar name, and the existing
-    ones.
+    """Return the remedy for an error about a name that does not exist: it suggests the most similar
+    existing name, and lists at most `most` existing names.
     """
     near = [other for other in known if other.lower() == name.lower()] or difflib.get_close_matches(
         name, known, n=1
@@ -298,11 +313,11 @@ Faults = type[Exception] | tuple[type[Exception], ...]
 @contextmanager
 def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]:
     """Convert errors that a parser raises for a damaged file into a DataError with the name of the
-    file; the name is added to a DataError that lacks it.
+    file. If a DataError does not contain this name, it is added.
 
-    Parsers of binary formats raise a dozen types (KeyError, struct.error, zlib.error, XML errors,
-    MemoryError for a length that is nonsense), which all mean the same to the user. A NameError or
-    an ImportError is a fault of the program and is passed on.
+    Parsers of binary formats raise many types of errors for a damaged file: KeyError, struct.error,
+    zlib.error, XML errors, or MemoryError for a wrong length. For the user, they all mean the same.
+    A NameError or an ImportError is a fault of the program and is not converted.
     """
     try:
         yield
@@ -311,7 +326,8 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
             error.message = f"{label}: {error.message}"
         raise
     except damage as error:
-        # SciPy raises an UnboundLocalError, which is a NameError, for some damaged files
+        # an UnboundLocalError, which is a NameError too, is converted, because SciPy raises it for
+        # some damaged files
         if isinstance(error, ImportError) or type(error) is NameError:
             raise
         if isinstance(error, OSError) and error.errno is not None:
@@ -327,8 +343,9 @@ def reading(label: str, kind: str, damage: Faults = Exception) -> Iterator[None]
 
 
 BOMB_SIZE, BOMB_RATIO = 100_000_000, 200
-"""Unpacked size in bytes above which the compression ratio is checked, and the largest ratio that
-is allowed. Logs shrink to a tenth, or to a fiftieth at most.
+"""If data unpack to more than `BOMB_SIZE` bytes, their compression ratio is checked: it must be at
+most `BOMB_RATIO`. Recordings are usually compressed to a tenth, and at most to a fiftieth, of their
+size.
 """
 
 

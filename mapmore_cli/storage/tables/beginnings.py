@@ -28,8 +28,8 @@ OTHERS = {
 
 UTF_16 = (BOM_UTF16_LE, BOM_UTF16_BE)
 _LEAST = {bytes({*b"\t\r\n", *range(32, 127)}): 0.6, b"0123456789": 0.1}
-"""Smallest shares of plain characters and of digits in a text with a table, in every encoding. In
-binary files, they are about 0.4 and 0.04.
+"""Smallest fractions of printable ASCII characters and of digits in the first bytes of a text with
+a table, in every encoding. In binary files, these fractions are about 0.4 and 0.04.
 """
 
 
@@ -39,8 +39,9 @@ def begins_like(reader: Reader, head: bytes) -> bool:
 
 
 def is_binary(head: bytes) -> bool:
-    """Return True if no text, in whatever encoding, begins with these bytes."""
-    filled = head.replace(b"\0", b"")  # UTF-16 has a NUL beside each plain character
+    """Return True if the first bytes of a file, `head`, cannot begin a text in any encoding."""
+    # NUL bytes are removed, because UTF-16 has one beside each ASCII character
+    filled = head.replace(b"\0", b"")
     return (
         b"\0" in head
         and not head.startswith(UTF_16)

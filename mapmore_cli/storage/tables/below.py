@@ -1,5 +1,6 @@
-"""Find tables that stand below each other, or side by side, in one text or in one sheet of a
-workbook; and read maps of cells as tables.
+"""Find tables that stand below each other or side by side in one text or in one sheet of a
+workbook. Also read a map as a table. (In a map, the first line and the first column hold the values
+of two quantities, and the other cells hold the values of a third.)
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ table.
 
 @dataclass(frozen=True)
 class Below:
-    """One of several tables: the words in each line above it, its header lines, and its rows."""
+    """One of several tables in a file. `above` holds the words of each line above the table, for
+    example its title; `header` holds its header lines, and `rows` its rows.
+    """
 
     above: Sequence[str]
     header: Sequence[Row]
@@ -39,14 +42,14 @@ class Below:
 
 def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bool]) -> list[Below]:
     """Return the tables in `rows` from the top to the bottom. Tables that stand side by side follow
-    each other from the left to the right. `rows` contains no blank lines; the numbers of the rows
-    show where the file has one.
+    each other from the left to the right. `rows` contains no blank lines; a jump in the row numbers
+    shows that the file has one.
 
     A table has `header` lines of words directly above its numbers. It ends at a line without
-    numbers. If tables have no header lines, there are two further ends: a blank line, and the
-    beginning of at least `FEWEST` rows with another number of cells. Lines with a label in their
-    first cell belong to the header if numbers stand below the label. Any other row that has too few
-    or too many cells stays in its table, so that its reader can refuse it.
+    numbers. If tables have no header lines, a table also ends at a blank line, and at the beginning
+    of at least `FEWEST` rows with another number of cells. A line whose first cell is a label, such
+    as `Maximum:`, belongs to the header if numbers stand below the label. If any other row has too
+    few or too many cells, it stays in the table, so that the reader raises an error for it.
     """
     found: list[Below] = []
     words: list[Row] = []
@@ -69,7 +72,8 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
         count = sum(map(is_number, filled))
         has_numbers = count > 1 or 0 < count == len(filled)
         if body and names_its_line(body[0][1][0]) and is_number(cells[0]):
-            words += body  # the rows so far were header lines with numbers, such as `Maximum:;1;2`
+            # the rows in `body` are not data, but header lines with numbers, such as `Maximum:;1;2`
+            words += body
             body = []
         if body:
             is_next = _is_next(body, (number, cells))
@@ -83,12 +87,15 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
 
 
 def _without_head(tables: Sequence[Below]) -> list[Below]:
-    """Return the tables, and remove the head of the file from the words above the first tables. The
-    head is found by counting: the first tables keep as many lines of words as any later table has.
+    """Return the tables without the head of the file, for example the name of the logger and the
+    date. The lines of the head stand above the first tables, and are in their `above`. Let n be the
+    largest number of lines of words above any later table: then only the last n lines are kept for
+    the first tables. If n is 0, all lines are kept.
     """
     later = [len(one.above) for one in tables if one.begin > tables[0].begin]
     lines = max(later, default=0)
-    # no later table has more than `lines` lines of words, so only the first tables lose some
+    # this removes lines from the first tables only, because no later table has more than `lines` of
+    # them
     return [replace(one, above=one.above[-lines:]) for one in tables] if lines else [*tables]
 
 
@@ -105,10 +112,12 @@ def _is_next(rows: Sequence[Row], row: Row) -> bool:
 
 
 def _side_by_side(above: Sequence[Row], header: Sequence[Row], rows: Sequence[Row]) -> list[Below]:
-    """Return the tables that stand side by side; a single one unless the header lines repeat.
+    """Return the tables that stand side by side. If the header lines do not repeat, there is a
+    single table.
 
-    A line above the header that has words over every table belongs to the titles of the tables. All
-    tables get the header lines of the first, because a spec names the same columns for all of them.
+    If a line above the header has words over every table, these words belong to the titles of the
+    tables. All tables get the header lines of the first table, so that a spec can use the same
+    names of columns for all of them.
     """
     blocks = _repeated_columns([cells for _, cells in header])
     if not blocks:
@@ -124,10 +133,12 @@ def _side_by_side(above: Sequence[Row], header: Sequence[Row], rows: Sequence[Ro
 
 
 def _repeated_columns(header: Sequence[Sequence[Any]]) -> list[slice]:
-    """Return the columns of each table if several stand side by side: all header lines repeat at
-    equal distances, and the first line has at least two titles. Otherwise the list is empty.
+    """Return the columns of each table, as slices, if several tables stand side by side. This is so
+    if all header lines repeat at equal distances, and the first line has at least two different
+    titles. Otherwise, the list is empty.
 
-    pandas writes equal titles with numbers, for example `Force` and `Force.1`.
+    The number at the end of titles such as `Force.1` is ignored if there is a title `Force`,
+    because pandas writes repeated titles in this way.
     """
     titles, *others = [[_text(cell) for cell in line] for line in header] or [[]]
     for place, title in enumerate(titles):
@@ -153,8 +164,8 @@ def _padded(cells: Sequence[Any], width: int) -> list[Any]:
 def chosen_table(
     rows: Iterable[Row], request: TableRequest, is_number: Callable[[Any], bool]
 ) -> Below:
-    """Return the table that a request gives by its number, or a map as a table. Raises DataError if
-    there is no such table.
+    """Return the table with the number `request.table`; if `request.table` is `map`, return the map
+    as a table. Raises DataError if there is no such table or no map.
     """
     if request.table == "map":
         return _map_as_table(rows, request.label)
@@ -178,7 +189,8 @@ the column, and the cell where both meet.
 
 
 def _map_as_table(rows: Iterable[Row], label: str) -> Below:
-    """Return a map as a table with one row for each cell. Raises DataError for a map without
+    """Return a map as a table with one row for each cell of the map: the value at the beginning of
+    the row, the value at the top of the column, and the cell. Raises DataError if there are no
     cells.
     """
     top, *below = [*rows] or [(0, [])]

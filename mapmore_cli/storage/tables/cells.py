@@ -1,7 +1,6 @@
-"""Interpret a cell by one rule, whatever file it comes from.
-
-A cell is a number in ASCII digits, a missing value, or, in the column of the time, a time stamp.
-Anything else is refused with its text and a remedy.
+"""Read the cells of files of all formats by the same rules. A cell is a number in ASCII digits, a
+missing value, or, in the column of the time, a time stamp. For anything else, an error shows the
+text of the cell and a remedy.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ DATES = (
 )
 
 _TIME = (
-    # a time with AM or PM has no hour above 12
+    # a time with AM or PM must have an hour from 1 to 12
     r"(?!(?!0?[1-9]:|1[0-2]:).*m)(?P<h>\d+):(?P<m>[0-5]?\d)"
     r"(?::(?P<s>[0-5]?\d)(?:(?:[.,]|:(?=\d{3}\b))(?P<f>\d+))?)?(?: *(?P<half>[ap])\.?m\.?)?"
 )
@@ -94,8 +93,9 @@ a remedy.
 
 @dataclass(frozen=True)
 class Lacking:
-    """A cell that should hold a number but does not, with the reason (`said`) and the remedy. It is
-    shown as `text`, which is empty for an empty cell.
+    """A cell that should hold a number but has no value, for example a formula that was never
+    computed. `said` is the reason, `remedy` is the remedy for the message, and `text` is shown in
+    place of the cell.
     """
 
     said: str
@@ -107,8 +107,8 @@ class Lacking:
 
 
 class NotANumber(DataError):
-    """A cell is neither a number nor a word for a missing value; `known` is True for a cell whose
-    kind is known, for example a formula that failed.
+    """Error for a cell that is neither a number nor a word for a missing value. `known` is True if
+    it is known what the cell is instead, for example the error of a formula.
     """
 
     def __init__(self, cell: str, said: str, remedy: str, known: bool = True) -> None:
@@ -116,17 +116,17 @@ class NotANumber(DataError):
         self.cell, self.known = cell, known
 
     def at(self, where: str, remedy: str | None = None) -> Self:
-        """Return the error with its place in the file. `remedy` replaces the usual remedy if it is
-        given.
+        """Add the place in the file to the message, and return the error. `remedy` replaces the
+        usual remedy if it is not None.
         """
         self.message, self.remedy = f"{where}: {self.message}", remedy or self.remedy
         return self
 
 
 def number_of(cell: object, decimal: str = ".", thousands: str | None = None) -> float | None:
-    """Return the number in a cell, NaN if it is empty; None for anything else.
+    """Return the number in a cell. Return NaN for an empty cell, and None if the cell is no number.
 
-    Infinity and `nan` are returned as they are; the spec says what happens to such values.
+    Infinity and NaN in a cell are returned unchanged; the spec says how such values are treated.
     """
     if isinstance(cell, str):
         cell = cell.strip()
@@ -139,7 +139,8 @@ def number_of(cell: object, decimal: str = ".", thousands: str | None = None) ->
             cell = cell.replace(".", "x").replace(decimal, ".")
         if not cell:
             return math.nan
-        # Python would accept 1_5 as 15, and the digits of every script
+        # refused here, because `float` would read 1_5 as 15, and would accept the digits of every
+        # script
         if "_" in cell or not cell.isascii():
             return None
     elif isinstance(cell, bool) or not isinstance(cell, Real | Decimal):
@@ -158,12 +159,13 @@ class CellReader:
     """Reader of the cells of one column.
 
     - `missing`: texts that mean a missing value.
-    - `decimal`, `thousands`: separators in numbers.
-    - `clock`: True for the column of the time; `format`: format of its stamps for `strptime`.
-    - `second`: one second in the unit of the column.
-    - `usual`: default remedy.
+    - `decimal`, `thousands`: decimal mark and thousands separator of numbers.
+    - `clock`: True for the column of the time.
+    - `format`: format of the time stamps, as for `strptime`.
+    - `second`: length of one second in the unit of the column.
+    - `usual`: default remedy in messages.
     - `form`: form of the stamps read so far; all stamps of a column must have the same form.
-    - `texts`: for a column of texts, the number of each text that was read so far.
+    - `texts`: for a column of texts, the number that represents each text read so far.
     """
 
     missing: Set[str] = frozenset()
@@ -193,7 +195,7 @@ class CellReader:
         """
         if isinstance(cell, Lacking):
             if self.texts is not None and not cell.text:
-                # in merged cells, the text of all cells stands in the first of them
+                # the first of several merged cells holds their text; the others are missing values
                 return math.nan
             raise NotANumber("", cell.said, cell.remedy)
         cell = cell.decode("utf-8", "replace") if isinstance(cell, bytes) else cell
@@ -220,7 +222,8 @@ class CellReader:
                 text, f"is not a number{kind and f': {kind}'}", remedy or stamps, bool(kind)
             )
         form, seconds = stamp
-        # a clock that shows minutes begins to show hours after the first hour
+        # the form may change once: some clocks show `mm:ss` during the first hour, and `hh:mm:ss`
+        # afterwards
         if not self.form or (self.form, form) == (MINUTES, CLOCK):
             self.form = form
         if form != self.form:
@@ -229,7 +232,9 @@ class CellReader:
         return seconds
 
     def _stamp(self, cell: object, text: str, value: float | None) -> tuple[str, float] | None:
-        """Return the form of a cell in the time column, and the time as a number."""
+        """Return the form of a cell in the time column, and the time as a number; None if the cell
+        is no time.
+        """
         if self.format is None and value is not None:
             return NUMBER, value
         if self.format is None or not isinstance(cell, str):
@@ -246,12 +251,13 @@ class CellReader:
 
 
 def stamp_of(text: str) -> tuple[str, float] | None:
-    """Return the form and the seconds of a time stamp: since 1970 for a date, otherwise since
-    midnight or the start.
+    """Return the form of a time stamp and the time in s; None if the text is no time stamp.
 
-    Dates have the form of ISO 8601, `2026/03/01` or `01.03.2026`, optionally followed by a time.
-    Without a time zone they count as UTC, because only differences matter. A stamp that is read
-    differently in different countries, such as `3/1/2026` or `12:30`, returns None.
+    A stamp with a date gives the time since 1970. A stamp without a date gives the time since
+    midnight, or since the start of the recording. Dates are written as in ISO 8601, as `2026/03/01`
+    or as `01.03.2026`, optionally followed by a time. If there is no time zone, UTC is assumed,
+    because only differences of times matter. Return None also for a stamp that is read differently
+    in different countries, such as `3/1/2026` or `12:30`.
     """
     with suppress(ValueError):
         # a stamp in the form of ISO 8601 is parsed in a faster way
@@ -283,8 +289,8 @@ def stamp_of(text: str) -> tuple[str, float] | None:
 
 
 def holds_number(cell: object, decimal: str = ".") -> bool:
-    """Return True if a cell holds a number or a time stamp, and False for a word for a missing
-    value.
+    """Return True if a cell holds a number or a time stamp. Return False for other texts and for an
+    empty cell.
     """
     text = str(cell).strip()
     return bool(text) if number_of(cell, decimal) is not None else stamp_of(text) is not None

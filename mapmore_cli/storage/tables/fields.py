@@ -1,5 +1,5 @@
-"""Turn lines of text with fields into columns of numbers: ordinary lines all at once with PyArrow,
-and any other lines record by record.
+"""Convert lines of text with fields into columns of numbers. Ordinary lines are converted all at
+once with PyArrow; other lines are converted one record after the other.
 """
 
 from __future__ import annotations
@@ -25,11 +25,13 @@ Numbered = tuple[int, list[str]]
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a text table, as its header and the request give it.
+    """Layout of a text table, which follows from its header and from the request.
 
-    - `request`, `delimiter`: how the file is read; the delimiter None means any run of blanks.
+    - `request`: how the file is read.
+    - `delimiter`: character between fields; None if one or more blanks or tabs separate them.
     - `width`: number of fields in a record.
-    - `wanted`: the columns; their readers remember the form of time stamps from block to block.
+    - `wanted`: the wanted columns, each with its reader. The reader remembers the form of time
+      stamps from one block of lines to the next.
     """
 
     request: TableRequest
@@ -39,11 +41,11 @@ class Layout:
 
 
 def values_of_text(text: bytes, layout: Layout) -> list[Array]:
-    """Return the wanted columns, (n,) each, of UTF-8 text, as PyArrow reads them. Every line must
-    be one record of full width, and the wanted fields must be plain numbers or empty; otherwise the
-    result is an empty list.
+    """Read the wanted columns, (n,) each, of UTF-8 text with PyArrow. This is possible if every
+    line is one record with all fields, and the wanted fields are plain numbers or empty. Otherwise,
+    the result is an empty list, and `values_of_records` must be used.
 
-    PyArrow needs a thirtieth of the time of `values_of_records`, and returns exactly the same
+    PyArrow takes a thirtieth of the time of `values_of_records`, and returns exactly the same
     doubles. But it reads blank lines as records and `nan(ind)` as a number. Therefore, PyArrow is
     not used for a text with one of the following: lines without a number, words that PyArrow reads
     as NaN, comments, or NUL characters (even if they are in unused columns).
@@ -117,8 +119,8 @@ def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any]:
 
 
 def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
-    """Return the line numbers and the wanted columns, (n,) each, of records of which none is blank;
-    an empty field is NaN.
+    """Return the line numbers and the wanted columns of records, (n,) each. None of the records is
+    blank. An empty field is NaN.
 
     Raises DataError with row and column for a record with too few or too many fields, and for a
     field that is not a number.
@@ -130,15 +132,16 @@ def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
 
 
 def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
-    """Return a record with as many fields as the first record has. Blank fields at its end are
-    ignored, and the missing fields of a short record may be missing values.
+    """Return a record with exactly `layout.width` fields. Blank fields after the last column are
+    removed. A record with too few fields, too many fields or NUL bytes is replaced by empty fields
+    if incomplete records are treated as missing values; otherwise DataError is raised.
     """
     width, request = layout.width, layout.request
     has_nul = any("\0" in cell for cell in record)
     if len(record) >= width and not has_nul and not any(map(str.strip, record[width:])):
         return record[:width]
     if request.incomplete:
-        # a short record may be a remark or half a record, so none of its fields is used
+        # none of its fields is used, because the record may be a remark, or may have been cut off
         return [""] * width
     if has_nul:
         raise with_nul(request.label, row)

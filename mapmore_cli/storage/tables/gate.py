@@ -1,7 +1,9 @@
-"""Judge what readers report about their files, in one place for all readers (the gate).
+"""Check the tables that readers return, in one place for all readers (the gate). If a file is
+incomplete, an error is raised, or the incomplete rows are left out with a warning.
 
-Duplicate names are refused when a name is looked up (`locate_columns`, `Member.named`), and cells
-without a number when a cell is read (`cells.CellReader`).
+Two other checks stand elsewhere: duplicate names are refused when a name is searched
+(`locate_columns`, `Member.named`), and cells without a number when a cell is read
+(`cells.CellReader`).
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ from mapmore_cli.storage.tables import (
 from mapmore_cli.storage.tables.beginnings import refuse_other_format
 from mapmore_cli.storage.tables.cells import shortened
 
-# after so many rows with equal numbers of digits, a last row with fewer digits is suspicious
+# smallest number of rows that must have equal numbers of decimals before a last row with fewer
+# decimals is regarded as incomplete
 FEWEST_ROWS = 10
 
 DAMAGE = (OSError, EOFError, ValueError)
@@ -36,9 +39,9 @@ on.
 
 
 def gated(reader: Reader, readers: Collection[Reader] = ()) -> Reader:
-    """Return the reader with checks: the format of a file is checked before its first rows are
-    returned, and the tables that `read` returns are checked for incomplete rows. If a file cannot
-    be read, the error names the one of the `readers` that can read it.
+    """Return the reader with two checks added. Before the first rows of a file are read, the format
+    of the file is checked. After `read`, the tables are checked for incomplete rows. If a file
+    cannot be read, the error names the reader among `readers` that can read it.
     """
     read = partial(_judged_tables, reader, readers)
     peek = reader.peek or partial(_first_rows, read)
@@ -73,7 +76,9 @@ def _judged_tables(
 def _first_rows(
     read: Callable[[Path, TableRequest], list[RawTable]], path: Path, most: int
 ) -> Iterable[Top]:
-    """Return the first rows of all columns, by calling `read` with a request without columns."""
+    """Return the first `most` rows of all columns of a file. They are read by `read` with a request
+    without columns, which means all columns.
+    """
     for table in read(path, TableRequest(path.name, ())):
         rows = zip(*(values[:most].tolist() for values in table.columns.values()), strict=True)
         return [Top([list(table.columns), *rows], lambda cell: isinstance(cell, float))]
@@ -81,7 +86,9 @@ def _first_rows(
 
 
 def _with_padding_told(table: RawTable) -> RawTable:
-    """Return the table with a warning if there is padding after the text of its file."""
+    """Return the table. If fill characters follow the text in its file, a warning about them is
+    added.
+    """
     if not table.padding:
         return table
     what = (
@@ -113,13 +120,17 @@ def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:
 
 
 def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
-    """Return the evidence that the last line, which has no line end, is incomplete. There are three
-    kinds of evidence. The line has fewer cells than every line before it. The last cell has fewer
-    decimals than this column has in all lines before, for example 2 in place of 254.126. The last
-    cell is the only one in its column that ends with the decimal point. Return None without
-    evidence, or if the line is not among the `rows` of the table.
+    """Return evidence that the last line of a text is incomplete. `end` holds the last lines of a
+    text that has no line break at its end. There are three kinds of evidence:
+
+    - The line has fewer cells than every line before it.
+    - Its last cell has fewer decimals than all cells above it in the same column, for example 2
+      below cells such as 254.126.
+    - Its last cell ends with the decimal point, and no cell above it does.
+
+    Return None without evidence, or if the line is not among the `rows` of the table.
     """
-    # in a map, one line holds several samples
+    # number of samples in the last line; a line of a map holds several
     samples = len([*takewhile(lambda row: row == end.row, reversed(rows))])
     if not samples:
         return None

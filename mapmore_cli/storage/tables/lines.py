@@ -32,12 +32,14 @@ machine.
 """
 
 CHUNK = 1 << 20
-"""Bytes that are read at a time. If one line among them is irregular, all of them are read record
-by record.
+"""Number of bytes that are read at a time. If one of the lines in them is irregular, PyArrow cannot
+be used, and all of these lines are read record by record.
 """
 
 LAST_LINES = 50
-"""Number of lines at the end of a text with which its last line is compared."""
+"""Number of lines at the end of a text that are compared with each other, to find out whether the
+last of them is incomplete.
+"""
 
 KEPT = 1 << 16
 """Number of bytes before the current position that stay in the buffer, so that the last line can be
@@ -49,8 +51,8 @@ LINE = re.compile(rb"[^\r\n]*(?:\r\n?|\n)")
 TEXT_ERRORS = "surrogateescape"
 
 PADDING = b"\0\x1a"
-"""Padding after the text of a file: space that a logger reserved and did not use is NUL, and texts
-of DOS programs end with Ctrl-Z.
+"""Fill characters (padding) that may follow the text of a file. Space that a logger has reserved
+and not used is filled with NUL, and texts of DOS programs end with Ctrl-Z.
 """
 
 UNREADABLE = (OSError, EOFError, zlib.error, lzma.LZMAError)
@@ -83,8 +85,8 @@ def _unzipped(raw: BufferedReader) -> IO[bytes]:
 def open_lines(
     path: Path, encoding: str, label: str, errors: str = "strict"
 ) -> Iterator[tuple[Lines, BufferedReader]]:
-    """Open a file, plain or compressed. Return its lines, which may end with LF, CR LF or CR, and
-    the open file.
+    """Open a text file, plain or compressed. Return an iterator over its lines, and the open file.
+    Lines may end with LF, CR LF or CR.
     """
     with path.open("rb") as raw:
         found = os.fstat(raw.fileno())
@@ -97,18 +99,19 @@ def open_lines(
 def lines_of(
     path: Path, told: Callable[[int, int], None] = lambda _read, _size: None
 ) -> Iterator[str]:
-    """Yield the lines of a file with their ends. Raises DataError if the file is missing,
-    unreadable or incomplete.
+    """Yield the lines of a text file, each with its line break. Raises DataError if the file is
+    missing, unreadable or incomplete.
 
-    The function `told` is called from time to time with the number of bytes read and the size of
-    the file.
+    The function `told` is called from time to time with the number of bytes read so far and the
+    size of the file.
     """
     label = str(path)
     with (
         reading(label, "text file", UNREADABLE),
         open_lines(path, "utf-8", label, TEXT_ERRORS) as (lines, raw),
     ):
-        size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0  # a pipe has no size
+        # the size of a pipe is unknown
+        size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0
         for number, line in enumerate(lines):
             if number % 4096 == 0 and size:
                 told(raw.tell(), size)
@@ -121,12 +124,15 @@ def as_text(binary: IO[bytes]) -> TextIO:
 
 
 class Lines(Iterator[str]):
-    """The lines of a text with their ends, one by one or many at a time; a byte order mark is
-    skipped. `taken` and `rows` are the numbers of UTF-8 bytes and of lines that were consumed so
-    far. `padding` counts the characters of `PADDING` at the end, which are no part of the text.
+    """Iterator over the lines of a text, each with its line break. `block` returns many lines at a
+    time. A byte order mark is skipped.
 
-    Raises DataError for a line that is too long for a table, and for text that is hundreds of times
-    larger than its file, whose size is `packed`.
+    `taken` and `rows` are the number of bytes (in UTF-8) and the number of lines that were consumed
+    so far. `padding` is the number of fill characters (`PADDING`) at the end, which do not belong
+    to the text.
+
+    Raises DataError for a line that is too long for a table. `packed` is the size of a compressed
+    file; if the text is hundreds of times larger, DataError is raised too.
     """
 
     def __init__(
@@ -136,9 +142,12 @@ class Lines(Iterator[str]):
         self._plain = codecs.lookup(encoding).name == "utf-8"
         self._decoder = codecs.getincrementaldecoder(encoding)(errors)
         self._held, self._at, self._ended, self._size = b"", 0, False, 0
-        self._tail = b""  # padding at the end of the text read so far; more text may follow
+        # fill characters at the end of the part that was read so far; they belong to the text if
+        # more text follows
+        self._tail = b""
         self.taken = self.rows = self.padding = 0
-        # if `endless` is True, reading stops after too much padding, because it may never end
+        # if `endless` is True, the file is, for example, a device that may deliver fill characters
+        # without end; too many of them then raise an error
         self.endless = False
 
     def __next__(self) -> str:
@@ -151,36 +160,36 @@ class Lines(Iterator[str]):
         return text
 
     def block(self) -> bytes:
-        """Return the next lines in UTF-8, about `CHUNK` bytes; empty at the end. The lines are not
-        consumed yet.
+        """Return the next lines, about `CHUNK` bytes in UTF-8; empty at the end of the text. The
+        lines are consumed only when they are passed to `take`.
         """
         line = self._line()
         while not self._ended and len(self._held) - self._at < CHUNK:
             self._more()
-        # a CR at the end of the buffer may be the first half of a line end
+        # a CR at the end of the buffer is not regarded as a line break, because an LF may follow
         ends = (self._held.rfind(b"\n", self._at), self._held.rfind(b"\r", self._at, -1))
         end = len(self._held) if self._ended else max(1 + max(ends), self._at + len(line))
         return self._held[self._at : end]
 
     def take(self, lines: bytes, count: int) -> None:
-        """Mark the next lines, which `block` has returned, as consumed; `count` is their number."""
+        """Consume the next `lines`, which `block` has returned; `count` is their number."""
         self._at += len(lines)
         self.taken, self.rows = self.taken + len(lines), self.rows + count
 
     @property
     def is_open(self) -> bool:
-        """Return True if the last line that was consumed has no end."""
+        """Return True if the last line that was consumed has no line break at its end."""
         return self._held[: self._at][-1:] not in (b"", b"\n", b"\r")
 
     def last_lines(self) -> list[str]:
-        """Return the last lines that were consumed, at most `LAST_LINES`."""
+        """Return at most `LAST_LINES` of the lines that were consumed last."""
         text = self._held[: self._at]
-        # the first line in the buffer may lack its beginning
+        # the first line in the buffer is left out if its beginning may be missing
         lines = text.splitlines()[0 if len(text) == self.taken else 1 :]
         return [line.decode("utf-8", TEXT_ERRORS) for line in lines[-LAST_LINES:]]
 
     def _line(self) -> bytes:
-        """Return the next complete line; empty at the end."""
+        """Return the next complete line without consuming it; empty at the end of the text."""
         while True:
             found = LINE.match(self._held, self._at)
             if found and (found.end() < len(self._held) or found[0].endswith(b"\n")):
@@ -189,7 +198,7 @@ class Lines(Iterator[str]):
                 return self._held[self._at :]
 
     def _more(self) -> bool:
-        """Read more of the text into the buffer, if there is any."""
+        """Read the next part of the text into the buffer. Return False at the end of the text."""
         kept, rest = self._held[: self._at][-KEPT:], self._held[self._at :]
         if len(rest) > LONGEST or (self.endless and self.padding > LONGEST):
             raise DataError(
@@ -204,7 +213,8 @@ class Lines(Iterator[str]):
             data = text.encode("utf-8", TEXT_ERRORS)
         self._held, self._at = kept + rest + self._without_tail(data), len(kept)
         if self._ended and self._held[-1:] not in (b"", b"\n", b"\r") and LINE.match(self._tail):
-            # a NUL before the end of a line belongs to a damaged cell, and is no padding
+            # if a line break follows fill characters, they are no padding, but belong to a damaged
+            # cell
             self._held, self._tail, self.padding = self._held + self._tail, b"", 0
         self._size += len(data)
         if self._packed is not None:
@@ -212,8 +222,8 @@ class Lines(Iterator[str]):
         return not self._ended
 
     def _without_tail(self, data: bytes) -> bytes:
-        """Return the text before the padding at its end; the padding is kept until text follows
-        it.
+        """Remove fill characters at the end of `data`, and return the rest. The fill characters are
+        stored; if more text follows later, they are put before it.
         """
         end = len(data.rstrip(PADDING + b" \r\n"))
         if end:
@@ -225,7 +235,7 @@ class Lines(Iterator[str]):
             begin = 0
         tail = data[begin:]
         self.padding += sum(tail.count(PADDING[i : i + 1]) for i in range(len(PADDING)))
-        # padding that is longer than any line of a table need not be kept
+        # only as many fill characters are stored as the longest line of a table may have
         self._tail = (self._tail + tail)[: LONGEST + 1]
         return data[:begin]
 
@@ -243,14 +253,15 @@ def guess_encoding(path: Path) -> str:
 
 
 def encoding_of(head: bytes) -> str:
-    """Return the encoding of the first bytes of a text: `utf-8`, a form of UTF-16, an encoding for
-    Chinese or Japanese, or otherwise the encoding that Windows calls ANSI.
+    """Return the encoding of a text, guessed from its first bytes: `utf-8`, UTF-16, an encoding for
+    Chinese or Japanese, or otherwise the encoding of Windows for Western European languages
+    (`cp1252`), or `latin-1` if no other fits.
     """
     head = head.rstrip(PADDING)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     for name, halves in (("utf-16-le", head[1::2]), ("utf-16-be", head[::2])):
-        # the upper bytes of plain letters in UTF-16 are zero
+        # in UTF-16, every second byte of ASCII characters is zero
         if halves.count(0) > 0.35 * len(head):
             return name
     for name in ("utf-8", "gb18030", "shift_jis", "cp1252"):
@@ -263,20 +274,25 @@ _PAIRS = {
     "gb18030": (rb"[\xa1-\xf7][\xa1-\xfe]", rb"[\xb0-\xd7]."),
     "shift_jis": (rb"[\x81-\x9f][\x40-\x7e\x80-\xfc]", rb"[\x82-\x9f]."),
 }
-"""Pairs of bytes that are one character in texts in which all other characters are ASCII, and
-frequent letters among them. A text in a European language has single bytes above 0x7f; two small
-letters with accents in a row look like a rare Chinese letter, and the apostrophe of Windows with
-the letter behind it looks like a Japanese one.
+"""For two encodings: a pattern of two bytes that form one character, and a pattern of those pairs
+that are frequent letters. All other characters of the texts are ASCII.
+
+The frequent letters distinguish these texts from texts in European languages. There, bytes above
+0x7f usually stand alone. But two small letters with accents in a row look like a rare Chinese
+letter, and the apostrophe of Windows with the letter after it looks like a Japanese letter.
 """
 
 
 def _is_written_in(head: bytes, name: str) -> bool:
-    """Return True if a text that begins with these bytes is probably in the encoding `name`: the
-    bytes can be decoded. For an encoding with characters of two bytes, at least half of these
-    characters must also be frequent letters, and two of them must stand side by side.
+    """Return True if a text that begins with these bytes is probably in the encoding `name`.
+
+    The bytes must be valid in this encoding. An encoding for Chinese or Japanese, which has
+    characters of two bytes, must fulfil two more conditions: at least half of these characters are
+    letters that are frequent in the language, and at least two such characters follow each other.
     """
     try:
-        # the last character of `head` may be cut off, which this decoder accepts
+        # an incremental decoder is used, because it accepts an incomplete character at the end of
+        # `head`
         codecs.getincrementaldecoder(name)().decode(head)
     except UnicodeDecodeError:
         return False
@@ -293,12 +309,12 @@ def _is_written_in(head: bytes, name: str) -> bool:
 def csv_records(
     lines: Iterable[str], delimiter: str, label: str, row: int = 0
 ) -> Iterator[tuple[str, list[str], int]]:
-    """Yield the text of each record, its fields, and the number of its last line, starting after
-    line `row`. Lines are consumed only when they are needed.
+    """Yield each record of a CSV text: its text, its fields, and the number of its last line. `row`
+    is the number of lines before the first. Lines are consumed only when they are needed.
 
-    A quoted field may span several lines. A line with damaged quotation marks, such as `"20"1.2`,
-    is cut at every delimiter. Raises DataError if a quotation mark is not closed, or if it
-    swallowed whole records.
+    A quoted field may contain line breaks. If quotation marks in a line are damaged, as in
+    `"20"1.2`, the line is split at every delimiter. Raises DataError if a quotation mark is not
+    closed, or if whole records seem to be inside quotation marks.
     """
     taken: list[str] = []
 
@@ -330,8 +346,9 @@ def _left_open(label: str, row: int) -> DataError:
 
 
 def _holds_record(cell: str, delimiter: str) -> bool:
-    """Return True if a cell has several lines, and a line after the first looks like a record of
-    the table: it contains a delimiter and a number.
+    """Return True if a cell contains several lines, and one of them, except the first, looks like a
+    record of the table: it contains a delimiter and a number. A quotation mark before it is then
+    probably not closed.
     """
     return any(
         delimiter in line and any(holds_number(part.strip(' "')) for part in line.split(delimiter))

@@ -1,5 +1,5 @@
-"""Refuse objects of MATLAB, for example tables and time series. Only MATLAB can read their
-contents, so the message gives the commands that save their numbers as plain arrays.
+"""Refuse objects of MATLAB, for example tables and time series. Only MATLAB can read the contents
+of such an object, so the message shows the MATLAB commands that save its numbers as plain arrays.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _ALIKE = {"a function": "function_handle", "inline": "function_handle"}
 
 
 def object_of_matlab(name: str, of_class: str) -> DataError:
-    """Return the error for an object whose contents only MATLAB can read. Its remedy is the
-    commands that save the numbers of the object.
+    """Return the error for an object whose contents only MATLAB can read. The remedy in its message
+    is a list of MATLAB commands that save the numbers of the object as plain arrays.
     """
     words = of_class or "a table, datetime, timeseries, string or the like"
     # MATLAB has no name for an element of a cell array

@@ -1,6 +1,6 @@
-"""Read files that contain trees of arrays: follow addresses, and turn arrays into a table.
-
-A format returns its root as a `Member`; everything else is common to all formats.
+"""Read files that contain a tree of arrays, such as MAT and HDF5 files: find the array at an
+address, and combine arrays to a table. The reader of a format returns the root of the tree as a
+`Member`; everything else is the same for all formats.
 """
 
 from __future__ import annotations
@@ -44,16 +44,18 @@ def _impossible(_: object) -> NoReturn:
 
 @dataclass(frozen=True)
 class Member:
-    """A struct or group, a collection, or an array inside a file, as its format reads it.
+    """A part of a file with a tree of arrays: a struct or group with named members, a collection of
+    numbered elements, or an array.
 
-    - `kind`: description in words: `a struct array of 5`.
-    - `names`, `member`: names of its members, empty if it has none, and the function that returns a
-      member.
-    - `count`, `element`: number of its elements, None if it is no collection, and the function that
-      returns an element by its 0-based index.
-    - `values`, `shape`: for an array, the function that reads a selection of it (`()` means all; it
-      raises IndexError), and the size along each axis.
-    - `noted`: what the file says about an array.
+    - `kind`: description in words, such as `a struct array of 5`.
+    - `names`: names of the members; empty if there are none.
+    - `member`: function that returns the member with a name.
+    - `count`: number of elements; None if it is no collection.
+    - `element`: function that returns the element with a 0-based index.
+    - `values`: for an array, function that reads a selection of it; `()` selects everything. It
+      raises IndexError for a selection outside of the array.
+    - `shape`: for an array, size along each axis.
+    - `noted`: information in the file about an array.
     - `breaks_off`: for the root, evidence that the file is incomplete.
     """
 
@@ -90,7 +92,7 @@ class Member:
 def array_of(
     values: Callable[[Selection], Values], shape: tuple[int, ...], noted: Noted | None = None
 ) -> Member:
-    """Return an array with this shape as a member."""
+    """Return an array as a `Member`. `values` is the function that reads a selection of it."""
     return Member(
         f"an array of {size_in_words(shape)}", values=values, shape=shape, noted=noted or Noted()
     )
@@ -107,8 +109,8 @@ def table_of_fields(
     values: Callable[[str], Callable[[Selection], Values]],
     noted: Noted | None = None,
 ) -> Member:
-    """Return an array of records, whose fields are members; `values` returns the function that
-    reads a field.
+    """Return an array of records as a `Member`. Its members are the fields, each an array of the
+    same `shape`. `values` returns, for the name of a field, the function that reads it.
     """
     size = size_in_words(shape)
     return Member(
@@ -121,7 +123,9 @@ def table_of_fields(
 
 
 def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -> Member:
-    """Return a group whose members are also its elements, in natural order: run_2 before run_10."""
+    """Return a group as a `Member`. Its members can also be addressed as numbered elements, in
+    natural order: run_2 before run_10.
+    """
 
     def natural(name: str) -> list[tuple[bool, int | str]]:
         return [
@@ -136,8 +140,8 @@ def group_of(kind: str, names: Sequence[str], member: Callable[[str], Member]) -
 
 
 def parse_address(text: str, position: int = 0) -> tuple[str | Selection, ...]:
-    """Return the steps of an address, starting at a position: names after `.` or `/`, and 0-based
-    indices in brackets. Raises DataError for a malformed address.
+    """Split an address into its steps, beginning at `position` of the text. A step is a name after
+    `.` or `/`, or 0-based indices in brackets. Raises DataError for a malformed address.
     """
     steps: list[str | Selection] = []
     while position < len(text):
@@ -168,15 +172,17 @@ def _parse_index(inside: str, text: str) -> Selection:
 
 
 def tables(top: Member, request: TableRequest) -> list[RawTable]:
-    """Return the recordings below `request.root`: one for every element if `root` ends with `[*]`,
-    otherwise a single one.
+    """Return the recordings in a file with the root `top`. If `request.root` ends with `[*]`, every
+    element at this address is a recording. Otherwise, there is one recording.
 
-    Members of a group that have none of the columns are left out, with a warning.
+    Members of a group that have none of the requested columns are left out, with a warning.
 
-    Raises DataError for an address that leads nowhere, arrays that are not columns of numbers, and
-    columns of different lengths.
+    Raises DataError if an address does not exist, or if arrays are not columns of numbers. Columns
+    of different lengths are handled by the gate (`gate.py`).
     """
-    if top.breaks_off is not None:  # an incomplete file may be the cause of all its other faults
+    # this error is raised first, because other faults may only be a consequence of the incomplete
+    # file
+    if top.breaks_off is not None:
         top.breaks_off.refuse(request.label, request)
     root = request.root or ""
     place = root.removesuffix(EVERY)
@@ -210,8 +216,8 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
 
 
 def _steps_to(column: SourceColumn, base: Member) -> tuple[str | Selection, ...]:
-    """Return the steps to a column. If the whole text is the name of a member, it is one step,
-    whatever characters it contains.
+    """Return the steps of an address that lead from `base` to a column. A name of a member is one
+    step, even if it contains characters such as `.` or `/` that otherwise separate steps.
     """
     if isinstance(column, int):
         return ((slice(None), column),)
@@ -224,7 +230,7 @@ def _steps_to(column: SourceColumn, base: Member) -> tuple[str | Selection, ...]
 
 
 def _begins_with(address: str, name: str) -> bool:
-    """Return True if the first step of an address is this name, with or without separator."""
+    """Return True if an address begins with the name of a member, possibly after a separator."""
     begins = (0, 1) if address[:1] in ("/", ".") else (0,)
     return any(
         address.startswith(name, at) and address[at + len(name) :][:1] in ("", ".", "/", "[")
@@ -233,7 +239,9 @@ def _begins_with(address: str, name: str) -> bool:
 
 
 def _has_some(element: Member, request: TableRequest) -> bool:
-    """Return True for an element that may contain one of the requested columns."""
+    """Return True if an element may contain at least one of the requested columns. Only the first
+    step of each address is examined.
+    """
     for column in request.columns:
         step = next(iter(_steps_to(column, element)), None)
         if not isinstance(step, str) or step in element.names:
@@ -244,8 +252,9 @@ def _has_some(element: Member, request: TableRequest) -> bool:
 def _table_of_member(
     base: Member, request: TableRequest, label: str, element: int | None = None
 ) -> RawTable:
-    """Return the columns of a member, all cut to the length of the shortest one. If the lengths
-    differed, the table notes this; `gate.py` then raises an error or warns.
+    """Return the requested columns below a member as a table. If their lengths differ, all are cut
+    to the length of the shortest, and the table records this in `breaks_off`; `gate.py` then raises
+    an error or a warning.
     """
     noted: dict[SourceColumn, Noted] = {}
     columns: dict[SourceColumn, Array] = {}
@@ -274,8 +283,8 @@ def _table_of_member(
 
 
 def _never_written(noted: Mapping[SourceColumn, Noted]) -> Cut | None:
-    """Return a description of columns with values that were never written; None if there are
-    none.
+    """Return evidence that the file is incomplete, if a column has values that were never written;
+    otherwise None.
     """
     counts = {column: one.never_written for column, one in noted.items() if one.never_written}
     if not counts:
@@ -291,11 +300,14 @@ def _never_written(noted: Mapping[SourceColumn, Noted]) -> Cut | None:
 
 
 def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None:
-    """Raise DataError for columns that were not sampled together, according to the file itself."""
+    """Raise DataError if columns of a recording have different time steps or start times according
+    to the file. Such columns were not sampled together.
+    """
     timed = [(column, told) for column, told in noted.items() if told.step]
     for column, told in timed[1:]:
         name, first = timed[0]
-        later = round(told.start - first.start, 6)  # a float of seconds since 1970 is exact to 1e-6
+        # rounded to 1e-6 s, the precision of a double that counts seconds since 1970
+        later = round(told.start - first.start, 6)
         if not math.isclose(first.step, told.step, rel_tol=1e-6):
             what = (
                 f"'{name}' was sampled every {first.step:.6g} s, '{column}' every {told.step:.6g} s"
@@ -314,7 +326,10 @@ def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None
 def _column(
     base: Member, column: SourceColumn, label: str, read: CellReader
 ) -> tuple[Array, Noted]:
-    """Return the array at an address, (n,), and the information about it in the file."""
+    """Return a column as numbers, (n,), and the information in the file about it. `column` is the
+    address of the column below `base`, or its 0-based index. Raises DataError if there is no such
+    column.
+    """
     address = f"[:,{column}]" if isinstance(column, int) else column
     steps = _steps_to(column, base)
     if not steps:
@@ -349,18 +364,21 @@ def _column(
 
 
 def as_numbers(values: object, what: str, read: CellReader | None = None) -> Array:
-    """Return an array as numbers of the same shape; `read` reads the cells of its column.
+    """Convert an array to numbers in an array of the same shape. `read` is the reader for cells of
+    this column; `what` is the name of the array in messages.
 
-    Text is read cell by cell. In a column that may hold times, time stamps become seconds since
-    1970, and durations become seconds. Raises DataError for anything else, with a message that
-    begins with `what`.
+    Texts are read cell by cell. If the column may hold times (`read.clock`), time stamps become
+    seconds since 1970, and durations become seconds, both in the unit of the column. Raises
+    DataError for values that cannot be converted.
     """
     read = read or CellReader()
     array = np.asarray(values)
     kind = array.dtype.kind
     if kind in "USO":
         numbers = np.empty(array.size)
-        known = dict[Any, float]()  # a small file may contain the same text millions of times
+        # each different text is read only once, because a small file may contain the same text
+        # millions of times
+        known = dict[Any, float]()
         for index, cell in enumerate(array.flat):
             if cell not in known:
                 try:
@@ -417,7 +435,9 @@ def _step_into(here: Member, step: str | Selection, address: str, label: str) ->
 
 
 def _further(here: Member, wanted: str = "") -> str:
-    """Return a text that says how an address can continue at a member."""
+    """Return a text for an error message that says how an address can continue after it has led to
+    the member `here`.
+    """
     if here.names:
         return known_names(wanted, here.names, f"{here.kind.capitalize()} has")
     if here.count is not None:

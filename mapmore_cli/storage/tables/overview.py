@@ -1,5 +1,5 @@
-"""Survey a file with a tree of arrays for `init`: which arrays belong to one log. Also make the
-reader of such formats.
+"""Find out for `init` which arrays of a file with a tree of arrays belong to one log. Also make the
+readers of formats with a tree of arrays.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from mapmore_cli.storage.tables import Noted, RawTable, Reader, TableRequest, To
 from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.storage.tables.members import EVERY, Member, as_numbers, tables
 
-MOST_MEMBERS = 500  # largest number of members of a file that are visited
-WIDEST = 64  # largest number of columns of a matrix that counts as a table
+MOST_MEMBERS = 500  # largest number of members of a file that are examined
+WIDEST = 64  # largest number of columns of a matrix that is regarded as a table
 RATES = ("fs", "samplerate", "samplingrate", "samplefrequency", "samplingfrequency", "framerate")
 STEPS = ("dt", "ts", "h", "sampletime", "samplingtime", "timestep")
 
@@ -58,8 +58,11 @@ def tree_reader(
 
 
 class Place(NamedTuple):
-    """A member of a tree with its address, its name, the address of its group, and the text that
-    stands beside it as its unit.
+    """A member of a tree of arrays.
+
+    - `address`, `name`: its address in the file, and its name.
+    - `group`: address of the group that contains it.
+    - `unit`: its unit, if the group has a text with the name `unit` or `units`; otherwise empty.
     """
 
     address: str
@@ -71,13 +74,13 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True)
 class Column:
-    """A column of numbers.
+    """A column of numbers in a tree of arrays.
 
-    - `address`, `title`: its name in a spec, and its name in the file; the title of a column of a
-      matrix is None.
+    - `address`: its address, as used in a spec.
+    - `title`: its name in the file; None for a column of a matrix without titles.
     - `group`: address of the group that contains it.
     - `length`, `values`: its length, and its first values.
-    - `noted`: what the file says about it.
+    - `noted`: information in the file about it.
     """
 
     address: str
@@ -89,12 +92,13 @@ class Column:
 
 
 def first_rows(top: Member, most: int, separator: str = "/") -> Top:
-    """Return the first rows of the log in a tree of arrays. The log is the group with the longest
-    columns; it must have at least two columns.
+    """Return the first rows of the log in a tree of arrays. The log consists of the longest columns
+    of equal length in a group; there must be at least two.
 
-    Groups with the same members, and elements of an array, are recordings (`root` ends with `[*]`),
-    and the first of them is shown; members with other names may stand beside them. A number named
-    `fs` or `dt` becomes the log's `sample_time` if the file does not state one.
+    If a file contains several recordings, the first is returned. Recordings are groups with equal
+    names of members, or the elements of an array; `root` then ends with `[*]`. There may be members
+    with other names beside them. If the file does not state the time step, a number named, for
+    example, `fs` or `dt` gives it (`sample_time`).
     """
     places = _places(top, separator)
     root, log, columns = next(
@@ -106,7 +110,9 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
         (None, [], []),
     )
     for name in () if log else top.names:
-        top.named(name)  # this raises an error for an object that only its own program can read
+        # if there is no log, this raises an error that names the reason, for example an object that
+        # only MATLAB can read
+        top.named(name)
     steps = (column.noted.step for column in log)
     step = next(filter(None, steps), None) or _sample_time(columns)
     titles = [column.title or column.address for column in log]
@@ -122,11 +128,12 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
 
 
 def _places(top: Member, separator: str) -> list[Place]:
-    """Return the members of a tree level by level, at most `MOST_MEMBERS` of them, because links
-    may form circles.
+    """Return the members of a tree, level by level. At most about `MOST_MEMBERS` members are
+    returned, because a tree with circular links has no end.
     """
     places = [Place("", "", "", top)]
-    for address, _, _, here, _ in places:  # the loop itself adds members to this list
+    # the loop also visits the members that it adds to this list
+    for address, _, _, here, _ in places:
         for name in here.names or range(here.count or 0):
             if len(places) > MOST_MEMBERS:
                 return places
@@ -140,9 +147,12 @@ def _places(top: Member, separator: str) -> list[Place]:
 
 
 def _title_of(here: Member, name: str, variable: str) -> str:
-    """Return the name of a member. For the data of a signal, this is the text in the member `name`
-    or `label` beside them, if there is one. For the values of a signal that Simulink logged, it is
-    the label of the signal, or otherwise the name of its block or variable.
+    """Return the name of the quantity in a member. This is usually the name of the member itself.
+    There are two exceptions:
+
+    - If a member `data` or `values` stands beside a text `name` or `label`, this text is the name.
+    - For the values of a signal that Simulink logged, it is the label of the signal, or, without a
+      label, the name of its block or of the variable.
     """
     if name == "values" and "dimensions" in here.names:
         block = _text(here, "blockName").rpartition("/")[2]
@@ -151,8 +161,9 @@ def _title_of(here: Member, name: str, variable: str) -> str:
 
 
 def _text_beside(here: Member, name: str, wanted: Sequence[str]) -> str:
-    """Return the text beside the data of a signal, in a member with one of the wanted names; empty
-    for members that are no data of a signal.
+    """Return the text that describes the data of a signal, for example its unit. The data are the
+    member `data` or `values` of `here`, and the text is another member of `here`, with one of the
+    `wanted` names. Return an empty text if `name` is another member, or if there is no such text.
     """
     if name.casefold() not in ("data", "values"):
         return ""
@@ -179,8 +190,9 @@ def _readable(here: Member, name: str | int) -> Member | None:
 def _ways_to_read(
     places: Sequence[Place], separator: str, most: int
 ) -> Iterator[tuple[str | None, list[Column]]]:
-    """Yield the ways to read a file, each as the value of `root` and the columns below it: first
-    with several recordings in the file, then with one.
+    """Yield the ways in which a file can be read. A way consists of a value of `root`, and the
+    columns below it. Ways with several recordings in the file come first; the last way is to read
+    the file as one recording.
     """
     for place in places:
         with suppress(DataError):
@@ -190,11 +202,13 @@ def _ways_to_read(
 
 
 def _first_recording(here: Member) -> Member | None:
-    """Return the first element of an array, or the first of at least two groups with the same
-    member names.
+    """Return the first of several recordings in a member; None if the member does not contain
+    several recordings.
 
-    Beside these groups, there may be single values, and groups without any of these member names.
-    Simulink's structs with time are no recordings, because they are signals of one recording.
+    Recordings are the elements of a cell or struct array, or at least two groups with the same
+    names of members. Beside these groups, there may be single values, and groups that have none of
+    these names. Simulink's structs with time are no recordings, because they are signals of one
+    recording.
     """
     if not here.count or not here.names:
         return here.element(0) if here.count else None
@@ -213,9 +227,10 @@ def _first_recording(here: Member) -> Member | None:
 
 
 def _log(columns: Sequence[Column]) -> list[Column]:
-    """Return the columns that belong to one log: the longest columns of equal length in one group,
-    and columns of this length in the groups that contain it. If no group has several such columns,
-    return columns of equal length from anywhere.
+    """Return the columns that belong to one log. These are the longest columns of which a group has
+    at least two with equal length, and also the columns of this length in the groups around this
+    group. If no group has two columns of equal length, columns of equal length from all groups are
+    returned.
     """
     for together in (True, False):
         logs = Counter((one.length, one.group if together else "") for one in columns)
@@ -232,7 +247,9 @@ def _log(columns: Sequence[Column]) -> list[Column]:
 
 
 def _columns(places: Sequence[Place], most: int) -> list[Column]:
-    """Return every column of numbers. Collections other than groups are left out."""
+    """Return all columns of numbers in `places`, except those in elements of cell and struct
+    arrays.
+    """
     titles = [(place.group, texts) for place in places if (texts := _texts_in(place.member))]
     return [
         column
@@ -245,8 +262,9 @@ def _columns(places: Sequence[Place], most: int) -> list[Column]:
 
 
 def _texts_in(member: Member) -> list[str]:
-    """Return the texts in an array or a collection of at most `WIDEST` different texts; empty for
-    anything else.
+    """Return the texts in a member, if it may hold the titles of the columns of a matrix: an array
+    or a collection of 2 to `WIDEST` texts, all different and not empty. The list is empty for any
+    other member.
     """
     size = math.prod(member.shape) if member.is_array else member.count or 0
     if member.kind == "text" or not 1 < size <= WIDEST:
@@ -264,9 +282,9 @@ def _texts_in(member: Member) -> list[str]:
 
 
 def _columns_of(place: Place, most: int, titles: Sequence[Sequence[str]] = ()) -> Iterator[Column]:
-    """Yield the columns of an array: the array itself, or the columns of a matrix. If a list of
-    texts beside a matrix has as many texts as the matrix has columns, these texts are the titles of
-    the columns.
+    """Yield the columns of an array. A vector is one column, and a matrix has several columns.
+    `titles` holds the lists of texts in the same group; if exactly one of them has as many texts as
+    the matrix has columns, these texts are the titles of the columns.
     """
     address, title, group, member, unit = place
     noted = replace(member.noted, unit=member.noted.unit or unit)
@@ -293,8 +311,8 @@ def _columns_of(place: Place, most: int, titles: Sequence[Sequence[str]] = ()) -
 
 
 def _sample_time(columns: Iterable[Column]) -> float | None:
-    """Return the seconds between samples from a number with a name such as `fs` or `dt`; None if
-    there is no such number.
+    """Return the time step in s. It follows from a single number in `columns` whose name means a
+    sampling rate or a time step, for example `fs` or `dt`. Return None if there is no such number.
     """
     for column in columns:
         if column.length != 1:

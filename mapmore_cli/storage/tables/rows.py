@@ -37,11 +37,11 @@ def table_of_rows(
     request: TableRequest,
     label: str,
 ) -> RawTable:
-    """Return the columns with these 0-based indices (`places`). A cell that is empty, or that a
-    short row lacks, is NaN.
+    """Return the wanted columns of rows of cells as a table. `places` holds the 0-based index of
+    each wanted column, and `names` the titles of all columns; it is None if there are no titles. A
+    cell that is empty, or that is missing at the end of a short row, is NaN.
 
-    `names` are the titles of all columns, None without titles. Raises NotANumber, with row and
-    column, for a cell that is no number.
+    Raises NotANumber, with row and column, for a cell that is no number.
     """
     rows, wanted = list(rows), wanted_of(places, names, request)
     numbers, columns = values_of_rows(rows, wanted, label)
@@ -55,9 +55,9 @@ def table_of_rows(
 def table_of_records(
     records: Sequence[tuple[int, Sequence[tuple[str, Any]]]], request: TableRequest
 ) -> RawTable:
-    """Return the wanted columns of records. Each record is given as its number in the file and
-    pairs of name and cell. A cell that a record lacks is NaN. A request without columns gets all
-    columns with numbers.
+    """Return the wanted columns of records as a table. A record is given by its number in the file
+    and by pairs of a name and a cell. If a record has no cell with the name of a column, the value
+    is NaN. If the request names no columns, all columns of numbers are returned.
 
     Raises DataError for a name that no record has, or that occurs twice in a record; NotANumber for
     a cell that is no number.
@@ -83,7 +83,9 @@ def table_of_records(
 def wanted_of(
     places: Mapping[SourceColumn, int], names: Sequence[str] | None, request: TableRequest
 ) -> list[Wanted]:
-    """Return the title, index and cell reader of the columns with the indices in `places`."""
+    """Return the title, the 0-based index and the cell reader of each wanted column. `places` holds
+    the index of each wanted column.
+    """
     return [
         (column if names is None else names[place], place, request.cells(column))
         for column, place in places.items()
@@ -96,9 +98,10 @@ def values_of_rows(
     label: str,
     hint: Callable[[Sequence[Any]], str | None] = lambda _row: None,
 ) -> tuple[IntArray, Array]:
-    """Return the numbers of the rows, (n,), and the values of the `wanted` columns, (k, n).
+    """Return the row numbers, (n,), and the values of the `wanted` columns, (k, n).
 
-    Raises NotANumber with row and column, and with the remedy that `hint` returns for the row.
+    Raises NotANumber, with row and column, for a cell that is no number. If `hint` returns a text
+    for the row, this text replaces the usual remedy in the message.
     """
     numbers: list[int] = []
     values: list[float] = []

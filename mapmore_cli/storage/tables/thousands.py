@@ -1,4 +1,6 @@
-"""Detect numbers such as 1.050 beside 950, in which the point separates thousands."""
+"""Detect numbers in which the point separates thousands, although it is read as a decimal point:
+for example, 1.050 means 1050 in a column that also contains 950.
+"""
 
 from __future__ import annotations
 
@@ -17,18 +19,19 @@ whole number.
 """
 
 ENOUGH = 100
-"""If this many numbers such as 23.000 come before the first whole number, the program that wrote
-the file keeps zeros at the end.
+"""If more than this many numbers such as 23.000 come before the first whole number without
+decimals, the program that wrote the file keeps zeros at the end, and the point is a decimal point.
 """
 
 BLOCK = 10_000
-"""Count of numbers of a column that are checked at a time."""
+"""Number of values of a column that are checked at a time."""
 
 
 def may_be_grouped(values: Array) -> bool:
-    """Return True if the numbers of a column as read, (n,), may be whole numbers with a thousands
-    separator: some are whole, the others have three decimals and are above 1, and all are below
-    1000.
+    """Return True if the points in the numbers of a column may separate thousands. `values`, (n,),
+    are the numbers as they were read, with the point as decimal point. Three conditions must be
+    fulfilled: all numbers are below 1000; some are whole numbers; and all others are above 1 and
+    have at most three decimals.
     """
     whole = others = 0
     for begin in range(0, len(values), BLOCK):
@@ -47,15 +50,18 @@ def may_be_grouped(values: Array) -> bool:
 
 
 def refuse_grouped(cells: Iterable[tuple[int, object]], decimal: str, column: str) -> None:
-    """Raise NotANumber if the decimal point in a column seems to separate thousands. The suspicion
-    arises if the column consists of whole numbers up to 999 and of numbers with exactly three
+    """Raise NotANumber if the decimal point in a column seems to separate thousands. This is
+    possible if the column consists of whole numbers up to 999 and of numbers with exactly three
     decimals, such as 1.050.
 
-    If one of the decimals ends with a zero, as in 1.050, the case is clear: a program that drops
-    final zeros would write 1.05, and a program that keeps them would write whole numbers as
-    950.000. If none ends with a zero, the error is raised only if the numbers with decimals would
-    be tiny beside the whole numbers. `cells` yields each row number with the cell; `column`
-    describes the place for the message, with `{row}` for the row.
+    The reason is that a program writes decimal numbers in one of two ways. If it drops zeros at the
+    end, it writes 1.05 and not 1.050. If it keeps them, it also writes whole numbers with three
+    decimals, such as 950.000. So if a number such as 1.050 ends with a zero, the point separates
+    thousands. If no number ends with a zero, the error is raised only if the numbers with decimals
+    would be very small compared with the whole numbers.
+
+    `cells` yields each row number with the cell. `column` describes the column for the message;
+    `{row}` in it is replaced by the row number.
     """
     grouped = re.compile(rf"[+-]?[1-9]\d{{0,2}}{re.escape(decimal)}\d{{3}}")
     first, zeros, largest, most = (0, ""), Counter[bool](), 0.0, 0.0

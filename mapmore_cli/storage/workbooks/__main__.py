@@ -1,14 +1,19 @@
-"""Read a workbook; this program runs as a separate process with the arguments PATH ROWS BYTES
+"""Read a workbook. This program runs as a separate process with the arguments PATH ROWS BYTES
 SECONDS.
 
-It writes a list of sheets as JSON to its output: title, whether the sheet is visible, the first
-ROWS rows of cells (0 means all rows), and the 0-based indices of hidden rows and columns. A date or
-a time is `{"stamp": TEXT}`, a number that is shown in per cent `{"percent": NUMBER}`. A cell that
-shows no number, whatever is stored, is the text of an error; a formula that was never computed is
-`{"lacks": ""}`, and a merged cell is `{"lacks": "B3:B5"}`.
+It writes the sheets to its output as a JSON list. The entries of a sheet are: its title, whether it
+is visible, its first ROWS rows of cells (0 means all rows), and the 0-based indices of hidden rows
+and columns. Some cells are written in a special form:
 
-A damaged workbook can crash the compiled code that reads it, request all memory, or take long. It
-then ends only this process, which may use BYTES of memory and SECONDS of processor time.
+- A date or a time is `{"stamp": TEXT}`.
+- A number that is shown in per cent is `{"percent": NUMBER}`.
+- A cell that shows an error instead of a number is the text of the error.
+- A formula that was never computed is `{"lacks": ""}`.
+- An empty cell of a merged range is `{"lacks": "B3:B5"}`.
+
+A damaged workbook can crash the compiled code that reads it, request all memory, or take very long.
+Then only this process ends, because it may use at most BYTES of memory and SECONDS of processor
+time.
 """
 
 from __future__ import annotations
@@ -38,7 +43,9 @@ Sheet = tuple[str, bool, list[list[Any]], list[int], list[int]]
 
 
 def sheets_of(path: Path, most: int) -> list[Sheet]:
-    """Return the contents of the sheets of a workbook, whose kind is recognised by its content."""
+    """Return the sheets of a workbook, with at most `most` rows each; 0 means all rows. The format
+    of the workbook is recognised by its content.
+    """
     from python_calamine import SheetTypeEnum, SheetVisibleEnum, load_workbook
 
     room = MOST_CELLS + CELLS_OF_BYTE * path.stat().st_size
@@ -57,7 +64,8 @@ def sheets_of(path: Path, most: int) -> list[Sheet]:
                 merged = [(*first, *last, "") for first, last in sheet.merged_cell_ranges or []]
                 every = _facts(path, one.name)
                 facts = [fact for fact in every if fact[-1] != HIDDEN]
-                # calamine leaves out empty rows at the beginning
+                # calamine leaves out rows at the end that have no value, although facts about their
+                # cells are known
                 end = max((top + 1 for top, *_ in facts if not most or top < most), default=0)
                 if end * width <= room:
                     cells += [[""] * len(cells[0]) for _ in range(end - len(cells) if cells else 0)]
@@ -76,7 +84,7 @@ def _facts(path: Path, title: str) -> list[Fact]:
 
 
 def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], list[int]]:
-    """Return the indices of the hidden rows and columns among the cells."""
+    """Return the indices of the hidden rows and of the hidden columns among those of `cells`."""
     height, width = len(cells), max(map(len, cells), default=0)
     rows, columns = set[int](), set[int]()
     for top, first, bottom, last, said in facts:
@@ -88,8 +96,8 @@ def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], l
 
 
 def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
-    """Mark the cells about which a fact is known: the mark replaces the cell. Facts are errors,
-    formulas that were never computed, numbers that are shown in per cent, and merged cells.
+    """Replace cells about which a fact is known by a mark. Facts are errors, formulas that were
+    never computed, numbers that are shown in per cent, and merged cells.
     """
     width = max(map(len, cells), default=0)
     # the number of marked cells is limited, because many overlapping ranges would take very long
@@ -121,7 +129,8 @@ def _plain(cell: object) -> object:
 
 
 if __name__ == "__main__":
-    # Windows lacks the module `resource`, and the system may already have a lower limit
+    # limits are set only if possible: Windows has no module `resource`, and a lower limit may
+    # already be set
     with suppress(ImportError, ValueError):
         import resource
 
@@ -132,6 +141,7 @@ if __name__ == "__main__":
         json.dump(sheets, sys.stdout, default=lambda cell: {"stamp": str(cell)})
     except SystemExit:
         raise
-    # compiled code that fails may raise an error that is no Exception
+    # all errors are caught, because compiled code may raise errors that are not derived from
+    # Exception
     except BaseException as fault:
         sys.exit(str(fault) or type(fault).__name__)

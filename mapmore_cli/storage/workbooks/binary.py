@@ -1,8 +1,9 @@
 """Extract facts about cells, for example errors, from workbooks of older programs (.xls). The
 values of the cells are read elsewhere.
 
-The records of a sheet (BIFF) are a stream in a file of sectors, which are chained by a table
-([MS-CFB], [MS-XLS]).
+An .xls file is divided into sectors of equal size. A table gives the next sector of each sector, so
+that chains of sectors form streams ([MS-CFB]). One stream consists of the records of the workbook
+and its sheets ([MS-XLS]).
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ BEGINS = b"\xd0\xcf\x11\xe0"
 BEGIN, END, SHEET, BOOL_OR_ERROR, FORMULA = 0x809, 0x0A, 0x85, 0x205, (0x06, 0x206, 0x406)
 ROW, COLUMNS, STYLE, FORMAT = 0x208, 0x7D, 0xE0, 0x41E
 NUMBERS, ROW_OF_NUMBERS = (0x203, 0x27E, *FORMULA), 0xBD
-IN_STREAM = 0xFFFFFFF0  # smallest sector number with a special meaning
+# numbers from this one on are no sectors: they mean, for example, the end of a chain
+IN_STREAM = 0xFFFFFFF0
 
 
 def facts_of(content: bytes, title: str) -> list[Fact]:
@@ -40,7 +42,9 @@ def facts_of(content: bytes, title: str) -> list[Fact]:
 
 
 def _stream(content: bytes) -> bytes:
-    """Return the stream of an .xls file that holds the records of the workbook."""
+    """Return the bytes of the stream, in an .xls file, that consists of the records of the
+    workbook.
+    """
     size, small = 1 << unpack_from("<H", content, 30)[0], 1 << unpack_from("<H", content, 32)[0]
     directory, _, limit, small_table, _, more = unpack_from("<6I", content, 48)
     places = list(unpack_from("<109I", content, 76))
@@ -80,7 +84,9 @@ def _numbers(content: bytes) -> Sequence[int]:
 
 
 def _records(stream: bytes, place: int) -> Iterator[tuple[int, bytes]]:
-    """Yield the kind and the content of the records of one substream."""
+    """Yield the kind and the content of each record of one substream (the workbook or a sheet),
+    which begins at `place` in the stream.
+    """
     depth = 0
     while place + 4 <= len(stream):
         kind, length = unpack_from("<2H", stream, place)

@@ -8,8 +8,9 @@ import re
 from collections.abc import Iterable, Iterator
 
 Fact = tuple[int, int, int, int, str]
-"""First row and column, last row and column (0-based), and a fact about these cells: the text of an
-error, `NEVER_COMPUTED`, `PERCENT`, `HIDDEN`, or an empty text for merged cells.
+"""A fact about a range of cells: its first row and column, its last row and column (0-based), and
+the fact itself. The fact is the text of an error, `NEVER_COMPUTED`, `PERCENT`, `HIDDEN`, or an
+empty text for merged cells.
 """
 
 NEVER_COMPUTED = "="
@@ -35,7 +36,9 @@ def hidden_columns(first: int, last: int) -> Fact:
 
 
 def is_percent(layout: str) -> bool:
-    """Return True if a number format shows per cent, that is, has its sign outside quoted text."""
+    """Return True if a number format shows numbers in per cent: it contains a % sign that is not
+    inside quoted text.
+    """
     return "%" in re.sub(r'"[^"]*"|\\.|\[[^\]]*\]', "", layout)
 
 
@@ -55,11 +58,12 @@ ERRORS = {
 
 
 def never_computed(empty: Iterable[tuple[int, int]], computed: bool) -> Iterator[Fact]:
-    """Yield the formulas that were never computed. `empty` holds the row and column of each formula
-    whose stored value is an empty text.
+    """Yield the formulas of a sheet that were never computed. `empty` holds the row and column of
+    each formula whose stored value is an empty text, and `computed` is True if another formula of
+    the sheet has a value.
 
-    If another formula of the sheet has a value (`computed` is True), all formulas were computed,
-    and the empty texts are their values. Otherwise none was computed.
+    A program computes either all formulas of a sheet or none. Therefore, if `computed` is True, the
+    empty texts are the values of their formulas, and nothing is yielded.
     """
     if not computed:
         yield from ((row, column, row, column, NEVER_COMPUTED) for row, column in empty)

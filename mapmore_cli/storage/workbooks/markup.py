@@ -29,8 +29,8 @@ OF_ODS = re.compile(
     rb"formula=|value-type=\"(?:error|percentage)|spanned=|>Err:|>#|"
     rb"visibility=\"(?:collapse|filter)"
 )
-"""Pattern of text that occurs in sheets with such facts. All other sheets, which are the majority,
-need not be parsed.
+"""Pattern of texts that occur only in documents with facts about cells. Most documents contain none
+of these texts, and need not be parsed.
 """
 
 ERROR = re.compile(r"#\w[\w/]*[!?]?|Err:\d+")
@@ -53,7 +53,9 @@ def facts_of(archive: zipfile.ZipFile, title: str) -> Iterator[Fact]:
 
 
 def part_of_sheet(archive: zipfile.ZipFile, book: str, key: str) -> str:
-    """Return the archive member that a workbook links by a key."""
+    """Return the path in the archive to which a link of a workbook leads. The link is given by its
+    key.
+    """
     folder, name = posixpath.split(book)
     links = ElementTree.fromstring(archive.read(f"{folder}/_rels/{name}.rels"))
     part = next(str(link.get("Target")) for link in links if link.get("Id") == key)
@@ -85,8 +87,9 @@ TRUE = ("1", "true")
 
 
 def _facts_of_xlsx(content: bytes, percent: Collection[str]) -> Iterator[Fact]:
-    """Yield errors, formulas without a value, cells in the styles that show `percent`, and hidden
-    rows and columns.
+    """Yield facts about the cells of a sheet: errors, formulas without a value, numbers shown in
+    per cent, and hidden rows and columns. `percent` holds the numbers of the styles that show per
+    cent.
     """
     row = 0
     for _, node in ElementTree.iterparse(BytesIO(content)):
@@ -100,7 +103,7 @@ def _facts_of_xlsx(content: bytes, percent: Collection[str]) -> Iterator[Fact]:
             yield hidden_columns(int(node.get("min", "1")) - 1, int(node.get("max", "1")) - 1)
         elif tag == "c" and (place := re.fullmatch(r"([A-Z]+)(\d+)", node.get("r", ""))):
             kind, value = node.get("t"), node.findtext(f"{space}}}v")
-            # the value of a formula may also be an empty text
+            # an empty text can be the value of a formula (`kind` is then `str`)
             is_open = not value and node.find(f"{space}}}f") is not None
             column, row_of_cell = number_of_letters(place[1]), int(place[2]) - 1
             if node.get("s") in percent:
@@ -110,8 +113,9 @@ def _facts_of_xlsx(content: bytes, percent: Collection[str]) -> Iterator[Fact]:
 
 
 def _facts_of_ods(content: bytes, title: str) -> Iterator[Fact]:
-    """Yield errors, formulas without a value, numbers shown in per cent, merged cells, and hidden
-    rows and columns. One element may stand for several equal rows, columns or cells.
+    """Yield facts about the cells of a sheet: errors, formulas without a value, numbers shown in
+    per cent, merged cells, and hidden rows and columns. One element of the file may represent
+    several equal rows, columns or cells.
     """
     row, wide, here = 0, 0, False
     for event, node in ElementTree.iterparse(BytesIO(content), ("start", "end")):
@@ -156,7 +160,7 @@ def _facts_of_cell(cell: ElementTree.Element) -> Iterator[str]:
 
 
 def _said(node: ElementTree.Element, name: str) -> str:
-    """Return the value of an attribute, whatever its namespace; empty if the attribute does not
+    """Return the value of the attribute `name` in any namespace; empty if the attribute does not
     exist.
     """
     return next((value for key, value in node.items() if key.endswith(f"}}{name}")), "")

@@ -24,7 +24,8 @@ from mapmore_cli.storage.workbooks.facts import (
 from mapmore_cli.storage.workbooks.markup import part_of_sheet
 
 BOOK, STYLES = "xl/workbook.bin", "xl/styles.bin"
-CELLS = range(1, 12)  # kinds of the records that are cells; each begins with column and style
+# kinds of records that contain a cell; the record begins with the column and the style of the cell
+CELLS = range(1, 12)
 COLUMNS, FORMAT, STYLES_OF_CELLS, END_OF_STYLES, STYLE = 60, 44, 617, 618, 47
 ROW, ERROR_CELL, SHEET, MERGED = 0, 3, 156, 176
 FORMULA_TEXT, FORMULA_NUMBER, FORMULA_FLAG, FORMULA_ERROR = 8, 9, 10, 11
@@ -89,8 +90,8 @@ def _records(content: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _length(content: bytes, place: int) -> tuple[int, int]:
-    """Return the length of a record that is encoded at a position, and the position after the
-    length.
+    """Decode the length of a record, which is stored at a position. Return the length and the
+    position after it.
     """
     length = 0
     for number in range(4):
