@@ -153,7 +153,7 @@ def fit(part: ModelChoices, workspace: Workspace) -> None:
     write_fit(workspace.out / FIT, result, units_of(dataset))
 
 
-FITTING = Stage(name="fit", revision=17, outputs=(FIT,), reads=fit_choices, run=fit)
+FITTING = Stage(name="fit", revision=18, outputs=(FIT,), reads=fit_choices, run=fit)
 
 
 # Fuse: `model.h5`

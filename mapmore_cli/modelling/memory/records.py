@@ -85,7 +85,8 @@ def uninterrupted(time: Array, step: float) -> list[slice]:
 
 
 def time_step(curves: Sequence[Curve]) -> float:
-    """Return the time between samples in s, which is the median over all curves.
+    """Return the time between samples in s, which is the median over all curves. It is rounded to
+    twelve digits, because the difference of two stamps contains their rounding errors.
 
     Raises DataError if a curve has another time step. A model with memory counts delays in samples,
     so that all recordings must have the same time step.
@@ -104,7 +105,7 @@ def time_step(curves: Sequence[Curve]) -> float:
             "the time step is unknown, but a model with memory needs samples in the order of time",
             "add the column of time stamps to `columns`, as `time`",
         )
-    return usual
+    return float(f"{usual:.12g}")
 
 
 def sampled(
