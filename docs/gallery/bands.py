@@ -1,5 +1,5 @@
 """Prediction intervals (bands) contain a sample of a new curve with a probability of 95 %. To
-compute the intervals, each curve is left out in turn.
+compute the intervals, the curve of each level that lies between two others is left out in turn.
 """
 
 from muscle import STUDY, recording, save
