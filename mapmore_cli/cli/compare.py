@@ -86,37 +86,50 @@ def compare(
             "compare needs two models",
             "name the earlier one first, for example `mapmore compare 2025-autumn my-run`",
         )
-    limit = _limit(fail_on)
+    limit, alone = _limit(fail_on), dict[str, str]()
     refuse_endings(
         [figure] if figure else [],
         FIGURE_FILES,
         "a figure of the drift cannot have this file ending",
     )
     campaigns = [find_campaign(text, runs, archive) for text in models]
-    if any(campaigns):
+    runs_of = [known for known in campaigns if known is not None]
+    if runs_of:
         if figure is not None:
             raise UsageError(
                 f"--figure {figure}: the drift of campaigns cannot be drawn",
                 "leave out --figure, or name a run of each campaign",
             )
-        if len(models) != 2 or not all(campaigns):
+        if len(models) != 2 or len(runs_of) != 2:
             raise UsageError(
                 f"{', '.join(models)}: a campaign can be compared with one other campaign only",
                 "name two campaigns, for example `mapmore compare muscles@spring muscles`",
             )
-        before, after = (known or {} for known in campaigns)
+        before, after = runs_of
         results = {
             name: compared(before[name], after[name], margin, other_settings)
             for name in before
             if name in after
         }
-        view = of_campaigns(models, results)
+        alone = {name: models[name in after] for name in before | after if name not in results}
+        if not results:
+            raise UsageError(
+                f"{' and '.join(models)} have no run in common",
+                "name two campaigns with runs of the same names, or one run of each campaign",
+            )
+        view = of_campaigns(models, results, alone=alone)
     else:
         paths = [find_model(text, runs, archive) for text in models]
         results, view = _of_models(models, paths, margin, other_settings)
         if figure is not None:
             _draw(models, paths, figure)
     print_view(view, as_json)
+    if fail_on and alone:
+        raise LimitMissed(
+            f"{', '.join(alone)}: only one of the campaigns contains this run, and `--fail-on "
+            f"{fail_on}` allows no run that is not compared",
+            "run both campaigns with the same runs, or compare single runs",
+        )
     for name, result in results.items() if fail_on else ():
         if result.changed if limit is None else result.moved(limit):
             raise LimitMissed(
@@ -214,8 +227,10 @@ def freeze(
 
     folder = folder_of(run, runs)
     with Reporter(quiet) as reporter:
-        for name in frozen.runs_of(folder) or [folder.name]:
-            place = frozen.freeze(folder.parent / name, tag, archive)
+        members = frozen.runs_of(folder)
+        campaign = "" if members is None else folder.name
+        for name in members or [folder.name]:
+            place = frozen.freeze(folder.parent / name, tag, archive, campaign)
             print(place)
             spec, settings = frozen.made_from(place)
             reporter.say(f"{place.name}: made from {PurePosixPath(spec).name or 'no known spec'}")

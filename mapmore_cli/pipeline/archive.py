@@ -48,9 +48,10 @@ FROZEN = "frozen.json"
 TAG = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
-def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
+def freeze(run_dir: Path, tag: str, archive: Path, campaign: str = "") -> Path:
     """Copy the model of a finished run, its scores, spec and hashes to `ARCHIVE/NAME@TAG`, and
-    return this folder.
+    return this folder. `campaign` is the name of the campaign that is frozen, if it is one; the
+    folder keeps this name, so that later the runs of the frozen campaign are known.
 
     Raises DataError if the run is not finished, its files were changed, or its record has no valid
     name; UsageError for an invalid tag; WriteError if the folder exists already or the archive
@@ -87,6 +88,7 @@ def freeze(run_dir: Path, tag: str, archive: Path) -> Path:
                 "creator": f"mapmore {__version__}",
                 "name": name,
                 "tag": tag,
+                **({"campaign": campaign} if campaign else {}),
                 "sha256": hashes,
             }
             write_own(
@@ -188,11 +190,18 @@ def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | Non
     `CAMPAIGN@TAG`, these are the models that were frozen with this tag. If `text` is only the name
     of a campaign, these are the models that the runs have now. Return None if there is no such
     campaign.
+
+    In archives of older versions, the frozen folders do not name their campaign; a frozen campaign
+    then has the runs that it has now.
     """
     name, at, tag = text.partition("@")
     names = runs_of(runs / name)
     if names is None:
         return None
+    if TAG.fullmatch(tag):
+        records = sorted(archive.glob(f"[!.]*@{tag}/{FROZEN}"))
+        frozen = [one.parent.name for one in records if _entry(one, "campaign") == name]
+        names = [text.removesuffix(f"@{tag}") for text in frozen] or names
     return {name: find_model(f"{name}{at}{tag}", runs, archive) for name in names}
 
 

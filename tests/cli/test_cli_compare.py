@@ -179,6 +179,13 @@ def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_pa
     mapmore("compare", "both@x", "first", *places, code=2, says="one other campaign")
     drift = ("--figure", tmp_path / "drift.svg")
     mapmore(*arguments, *drift, code=2, says="drift of campaigns cannot be drawn")
+    members["runs"] = ["first"]  # as if the other run failed
+    (runs / "both" / "campaign.json").write_text(json.dumps(members))
+    only = "second: is only in both@x, and was not compared."
+    assert only in mapmore(*arguments, code=0).stdout
+    mapmore(*arguments, "--fail-on", "0.5", code=6, says="allows no run that is not compared")
+    (runs / "both" / "campaign.json").write_text(json.dumps({**members, "runs": []}))
+    mapmore(*arguments, code=2, says="have no run in common")
     members["runs"].append("../elsewhere")
     (runs / "both" / "campaign.json").write_text(json.dumps(members))
     mapmore(
