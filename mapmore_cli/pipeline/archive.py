@@ -240,7 +240,10 @@ def compared(
         one, other = (alone(read_model(model).of(output)) for model in (before, after))
         comparison = compare(one, other, margin)
     except ValueError as fault:
-        remedy = "compare models of the same quantities that have curves in common"
+        remedy = (
+            "compare models of the same quantities that have curves in common; for other models, "
+            "name the earlier model in `validate.against` of the later study"
+        )
         raise DataError(f"{before}, {after}: {fault}", remedy) from fault
     return replace(comparison, settings=settings, same_recordings=hashes[0] == hashes[1] != set())
 

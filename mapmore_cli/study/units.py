@@ -190,7 +190,12 @@ def convert(values: N, source_unit: str, target_unit: str, *, difference: bool =
             f"unit {source_unit!r} ({_dimension(source_unit)}) cannot be converted to "
             f"{target_unit!r} ({_dimension(target_unit)})",
             _suggestion(source_unit, target_unit)
-            or f"give a unit of the same dimension as {target_unit!r}",
+            or (
+                "write a plain number; if it belongs to a quantity that has a unit, declare this "
+                f"unit, for example `units: {{name: {source_unit}}}`"
+                if target_unit == "1"
+                else f"give a unit of the same dimension as {target_unit!r}"
+            ),
         )
     if difference:
         source, target = _without_zero(source), _without_zero(target)

@@ -188,8 +188,8 @@ class TestCompare:
         ("other", "words"),
         [
             (replace(muscle("b"), output=Quantity("force", "kN")), "different quantities"),
-            (muscle("b", levels=(900.0, 950.0)), "0 curves in common"),
-            (muscle("b", levels=(100.0,)), "1 curves in common"),
+            (muscle("b", levels=(900.0, 950.0)), r"too few curves in common \(0\)"),
+            (muscle("b", levels=(100.0,)), r"too few curves in common \(1\)"),
         ],
     )
     def test_what_cannot_be_compared(self, other, words):

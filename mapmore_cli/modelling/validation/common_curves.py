@@ -71,8 +71,8 @@ def common_curves(before: Model, after: Model) -> list[CurvePlace]:
             )
     if len(places) < FEWEST_CURVES:
         raise ValueError(
-            f"{before.name} and {after.name} have {len(places)} curves in common; a comparison "
-            f"needs at least {FEWEST_CURVES}"
+            f"{before.name} and {after.name} have too few curves in common ({len(places)}); a "
+            f"comparison needs at least {FEWEST_CURVES}"
         )
     return places
 
