@@ -69,13 +69,13 @@ def schema(
         Literal["json", "keys", "formulas", "files"],
         Argument(
             help=(
-                "The schema, or a reference as Markdown: keys of the spec, formulas, or what "
-                "is in result files."
+                "The schema, or a description as Markdown: of the keys of the spec, of the "
+                "formulas, or of the result files."
             )
         ),
     ] = "json",
 ) -> None:
-    """Print the JSON Schema of the experiment spec, or a reference."""
+    """Print the JSON Schema of the experiment spec, or a description of keys, formulas or files."""
     from mapmore_cli.modelling.literature import reference as formulas
     from mapmore_cli.storage.artefacts.reference import described
     from mapmore_cli.study.schema import json_schema

@@ -82,7 +82,7 @@ def refuse_pipe(path: Path) -> None:
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise SpecError(
             f"{path}: is a pipe or a device; a spec has to be a file, because it is read several "
-            "times, its paths start at its folder, and the run remembers it",
+            "times, paths in it are relative to its folder, and the run stores its path",
             "write it to a file, for example with `... > spec.yaml`, and give the path of the file",
         )
 

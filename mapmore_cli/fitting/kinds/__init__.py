@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 def added_up(_path: str) -> Model:
     """Raise SpecError, because a sum of runs cannot be fitted without the models of these runs."""
     raise SpecError(
-        "a sum of models of other runs cannot be fitted here, because these runs are unknown",
-        "use the specs of the added models instead",
+        "a model of type `sum` cannot be fitted again without the runs of its models",
+        "apply the command to the spec of each model in the sum instead of to the sum",
     )
 
 

@@ -1,5 +1,6 @@
-"""Choose the terms of FROLS one by one, and choose the number of terms by a criterion. The
-remainders may be represented in any of the ways in `remainders`.
+"""Choose the terms of FROLS one by one, and choose the number of terms by a criterion. Each step
+needs the part of every candidate, and of the output, that is orthogonal to the chosen terms. The
+module `remainders` represents these parts in several ways, with all of which this module works.
 """
 
 from __future__ import annotations

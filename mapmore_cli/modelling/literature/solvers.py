@@ -135,9 +135,10 @@ def _starts(problem: LeastSquares) -> list[Array]:
 
 
 def _valleys(problem: LeastSquares) -> list[tuple[tuple[Array, Array], list[Array]]]:
-    """Compute the sum of squares on a grid of values of the only nonlinear parameter. Return every
-    interval with the grid points at which the sum of squares has a local minimum. If the sum of
-    squares is constant, the list is empty.
+    """Compute the sum of squares on a grid of values of the only nonlinear parameter. Return a
+    pair for every interval of this parameter: the two ends of the interval, and those grid points
+    in it at which the sum of squares has a local minimum. If the sum of squares is constant, the
+    list is empty.
     """
     grids = _grids(problem)
     sse = np.array([[_projected_sse(problem, c) for c in grid] for grid in grids])

@@ -175,8 +175,8 @@ class _Version5:
         inner = [part for _, part in islice(parts, MOST_ELEMENTS + 1)]
         if len(inner) > MOST_ELEMENTS:
             raise DataError(
-                f"'{name}' has more than {MOST_ELEMENTS} elements",
-                "save the measurements as arrays of numbers",
+                f"'{name}' is a cell array or a struct with more than {MOST_ELEMENTS} elements",
+                "save the measurements as one array of numbers for each quantity",
             )
         if len(inner) != count * (len(names) or of_class == CELL):
             raise ValueError(f"it holds {len(inner)} elements instead of {count}")

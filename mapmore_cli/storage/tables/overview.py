@@ -161,9 +161,9 @@ def _title_of(here: Member, name: str, variable: str) -> str:
 
 
 def _text_beside(here: Member, name: str, wanted: Sequence[str]) -> str:
-    """Return the text that describes the data of a signal, for example its unit. The data are the
-    member `data` or `values` of `here`, and the text is another member of `here`, with one of the
-    `wanted` names. Return an empty text if `name` is another member, or if there is no such text.
+    """Return the text that describes the member `name` of `here`, for example its unit. Such a text
+    exists only if this member is called `data` or `values`. It is the first member of `here` that
+    has one of the `wanted` names and is not empty. Otherwise, return an empty text.
     """
     if name.casefold() not in ("data", "values"):
         return ""

@@ -142,8 +142,8 @@ def _term(text: str, states: Sequence[State], loc: Loc, spec: ExperimentSpec) ->
 def _state(
     used: State, text: str, loc: Loc, spec: ExperimentSpec, name: str, family: Family
 ) -> Iterator[Finding]:
-    """Check a state in `of` of an operator or of another kind of term. If the state is computed
-    from the target, it must contain only past values.
+    """Check a state that is listed under the key `of` of a term, for example of an operator. If
+    the state is computed from the target, it must contain only past values.
     """
     target = spec.target_quantity
     if isinstance(family, OperatorFamily):

@@ -26,7 +26,7 @@ def metrics(spec: ExperimentSpec) -> Iterator[Finding]:
             yield Finding(loc, fault, did_you_mean(name, METRICS), on_key=True)
         elif named - targets or (targets and not named and name in OF_TARGET):
             fault = (
-                f"a limit of `{name}` is one number, or with several targets one number for each"
+                f"the limit of `{name}` must be a number, or a number for each of several targets"
             )
             yield Finding(loc, fault, f"write `{name}: 1`, or `{name}: {{tip_x: 1, tip_y: 2}}`")
 

@@ -275,8 +275,8 @@ class ModelSettings(Settings):
 
     @property
     def over_time(self) -> bool:
-        """Return True if models of this type always run along recordings, whatever the dictionary
-        contains.
+        """Return True if the output of every model of this type depends on earlier samples of the
+        recording, whatever terms the dictionary contains.
         """
         return any(kind.over_time for kind in kinds.kinds() if kind.name == self.type)
 

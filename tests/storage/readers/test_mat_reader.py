@@ -266,7 +266,7 @@ ZEROS = zlib.compress(variable_5(6, (1, 15 * 10**6), element(9, bytes(12 * 10**7
 FAR_TOO_MUCH = {
     "cells": (
         variable_5(1, (1, 200_000), element(14, b"") * 200_000),
-        "'x' has more than 100000 elements",
+        "'x' is a cell array or a struct with more than 100000 elements",
     ),
     "cells that are not there": (variable_5(1, (10**9, 1)), "0 elements instead of 1000000000"),
     "fields": (

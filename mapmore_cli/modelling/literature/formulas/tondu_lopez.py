@@ -115,9 +115,9 @@ with other parameters, and its fit allows real braids only.""",
 W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits only the angle. In
 `tondu_lopez`, both the angle and the area are fitted. The diameter of the bladder need not be
 known, and the training error cannot be larger than with a fixed area. With the pressure in kPa
-and the force in N, the unit of the area is 1e-3 m^2. With a fitted area, the formula is W eq 3
-with other parameters. `tondu_lopez` gives the same forces as `chou_hannaford` if the fitted
-parameters of `chou_hannaford` describe a real braid.""",
+and the force in N, the unit of the area is 1e-3 m^2. With a fitted area, this is the same equation
+as that of `chou_hannaford` (W eq 3); only the parameters differ. Both give the same forces if the
+fitted parameters of `chou_hannaford` describe a real braid.""",
     ),
     braided(
         "tondu_lopez_fixed_area",
