@@ -98,7 +98,7 @@ def frols(
     found = choose(P, y, Stopping(max_terms, tolerance, stop), weighing).with_errors()
     M = found.g_all.shape[1]
     if len(names) not in (0, M):
-        raise ValueError(f"{M} candidates need {M} names, or none, and there are {len(names)} names")
+        raise ValueError(f"{M} candidates need {M} names or none, not {len(names)}")
     return replace(found, candidates=tuple(names))
 
 

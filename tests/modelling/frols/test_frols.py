@@ -128,5 +128,5 @@ def test_a_selection_says_its_terms():
     assert [row["term"] for row in found.table()] == list(found.names) == ["p0", "p2"]
     assert sum(row["err"] for row in found.table()) == pytest.approx(1)
     assert repr(frols(P, np.zeros(50))) == "Selection(0; ERR none; stop: no_gain)"
-    with pytest.raises(ValueError, match="3 candidates need 3 names, or none, and there are 2"):
+    with pytest.raises(ValueError, match="3 candidates need 3 names or none, not 2"):
         frols(P, P[:, 0], names=("a", "b"))
