@@ -99,8 +99,8 @@ def test_readme_says_what_was_cut_out_of_recordings():
     """One of the ten recordings with steps, and three of the five with loops."""
     names = list(page_table("uncut", MEMORY))
     assert sorted(name.partition("-")[0] for name in names) == ["loops"] * 3 + ["steps"]
-    assert "of one recording with steps, in which the clock" in README
-    assert "and of three recordings with loops" in README
+    assert "One of them is a recording with steps, in which the clock" in README
+    assert "the others are three recordings with loops" in README
     recordings = [name for name in page_table("coiled", MEMORY) if re.match(r"\w+-\d", name)]
     assert sum(name.startswith("steps") for name in recordings) == 10
     assert len(recordings) == 15
