@@ -40,8 +40,9 @@ FORMULAS = (
         "(B0 - B1)*exp(-abs(strain_rate)/B2) + B1",
         """Kinetic friction that changes from B0 at rest to B1 at high speed (Tondu).
 
-Table 1 of M2 prints `exp(-strain_rate/B2)`, which grows without bound when the muscle extends.
-Here, the exponent contains `|strain_rate|` instead of `strain_rate`, as in M2 eq 24.""",
+Table 1 of the paper M2 prints `exp(-strain_rate/B2)`, which grows without bound when the muscle
+extends. Here, the exponent contains `|strain_rate|` instead of `strain_rate`, as in equation 24 of
+the paper M2.""",
     ),
     friction(
         "peternel",
@@ -52,8 +53,8 @@ Here, the exponent contains `|strain_rate|` instead of `strain_rate`, as in M2 e
         """Generalised kinetic friction as printed, with powers of the signed rate
 (Peternel et al.).
 
-The term of B1 is therefore `B1*|strain_rate|`: it has the same sign whether the muscle contracts or
-extends, whereas all other terms oppose the motion.""",
+The term of B1 is therefore `B1*|strain_rate|`. This term has the same sign whether the muscle
+contracts or extends, whereas all other terms oppose the motion.""",
     ),
     friction(
         "peternel_absolute",

@@ -66,7 +66,7 @@ its model. The quantities are those of `muscle_like`.""",
         "M1 section II",
         ("strain", "pressure"),
         tuple((i, degree - i) for degree in range(5, -1, -1) for i in range(degree, -1, -1)),
-        """Fifth-order polynomial of pressure and strain (Tothova et al., as used in M1).
+        """Fifth-order polynomial of pressure and strain (Tothova et al., as used in the paper M1).
 `a21` multiplies `strain^2*pressure^1`.
 
 The polynomial is fitted by plain least squares at the measured pressures. With k training
@@ -74,6 +74,6 @@ pressures, the data determine only powers of the pressure up to k - 1. Of the 21
 data determine 15 if k is 3, 18 if k is 4, 20 if k is 5, and all if k is 6 or more. The number of
 coefficients that the data determine is the rank of the fit. Scatter of the measured pressures can
 raise the rank of the fit; a note then says so. Because of the missing powers, the polynomial
-predicts poorly between few training pressures (M1 section IV).""",
+predicts poorly between few training pressures (section IV of the paper M1).""",
     ),
 )

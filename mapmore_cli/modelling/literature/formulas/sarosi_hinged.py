@@ -18,8 +18,9 @@ F_hinged. `share` is the weight of F_hinged. The weight of each of the two parts
 no foot, both parts are about equally good and have about equal weights. F_plain gets no weight if
 its exponent s3 is at a bound or is not determined by the data. With such an exponent, the term
 exp(s3 strain) of F_plain could be so large outside the measured strains that even a very small
-weight would spoil the force. The strain must be a fraction, because the prior of a3 is a decay over
-a strain of 1/33.
+weight would spoil the force. The strain must be a fraction and not in per cent. The reason is that,
+if the data do not determine a3, the fit keeps a3 near a fixed value, which is about -33 and holds
+for a strain that is a fraction.
 """
 
 from __future__ import annotations

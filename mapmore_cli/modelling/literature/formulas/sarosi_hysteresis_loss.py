@@ -230,8 +230,9 @@ FORMULAS = (
         """Sárosi's hysteresis loss: the damping ratio zeta, multiplied by the critical
 damping `2 sqrt(|k_t| m)` and by the muscle's velocity.
 
-M2 eq 19 multiplies by the strain rate, although k_t is per metre (eq 20), so that the result has
-the unit N/m. Here, the result is also multiplied by the length, so that it is a force.""",
+Equation 19 of the paper M2 multiplies by the strain rate, although k_t is a force per metre
+(equation 20), so that the result has the unit N/m. Here, the result is also multiplied by the
+length of the muscle, so that it is a force.""",
     ),
     _loss(
         "sarosi_hysteresis_loss_printed",
@@ -239,8 +240,9 @@ the unit N/m. Here, the result is also multiplied by the length, so that it is a
         "M2 eq 17-23",
         "-2*zeta*sqrt(abs(stiffness)*load/9.81)*strain_rate",
         (
-            "Sárosi's hysteresis loss as M2 eq 19-20 print it, without the length of the muscle. "
-            "The result is that of `sarosi_hysteresis_loss` divided by the length."
+            "Sárosi's hysteresis loss as equations 19 and 20 of the paper M2 print it, without the "
+            "length of the muscle. The result is that of `sarosi_hysteresis_loss` divided by the "
+            "length."
         ),
     ),
 )

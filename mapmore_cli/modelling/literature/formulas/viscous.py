@@ -72,7 +72,9 @@ FORMULAS = (
         parameters=(),
         text="0",
         component="damping",
-        about="No damping force. Every damping model should have a smaller error than `none`.",
+        about=(
+            "The damping force is zero. Every useful damping model has a smaller error than `none`."
+        ),
     ),
     viscous(
         "linear_viscous",
