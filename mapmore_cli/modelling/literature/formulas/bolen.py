@@ -1,4 +1,5 @@
-"""Bolen's formula for the static force of a McKibben muscle. All of its constants are fitted.
+"""`bolen` is Bolen's formula for the static force of a McKibben muscle, in which all constants are
+fitted.
 
 The source prints `F* = c0 (exp(-c1 e*) - 1) + P* exp(-c2 e*^2)`. F* is the force divided by the
 force at 620 kPa and zero strain, e* is the strain divided by the largest strain at 620 kPa (e620),
@@ -26,9 +27,9 @@ def published(diameter: int, largest: str, c0: float, c1: float, c2: float) -> F
         title=f"Bolen, {diameter} mm",
         reference=f"{SOURCE}, with the constants of {diameter} mm muscles",
         about=(
-            f"Bolen's static force of a {diameter} mm muscle with the published constants. Only "
-            "`e620`, the largest strain at 620 kPa, is fitted. The pressure must be in kPa, and "
-            "the force is in N."
+            f"`bolen_{diameter}mm` is Bolen's static force of a {diameter} mm muscle with the "
+            "published constants. Only `e620`, the largest strain at 620 kPa, is fitted. The "
+            "pressure must be in kPa, and the force is in N."
         ),
         inputs=("pressure", "strain"),
         parameters=("length", "e620"),

@@ -1,5 +1,5 @@
-"""Contractile element of Hill's muscle model: the product of activation, force-length factor and
-force-velocity factor.
+"""`hill` is the contractile element of Hill's muscle model: its force is the product of an
+activation, a force-length factor and a force-velocity factor.
 
 The equations are equations 1 to 3 of the paper H. The force is `F_CE = A F_max f_l(l) f_v(v)` with
 the force-length factor `f_l = exp(c |(l - l_opt)/(l_opt w)|^3)`. The pressure is the activation A,

@@ -1,11 +1,11 @@
-"""Sárosi's formula with an additional plane for the slack muscle (the foot), blended with the
-original (plain) formula. `sarosi_hinged` was made for mapmore, because the outlook of M1 suggests
-physics-based terms.
+"""`sarosi_hinged` is Sárosi's formula with an additional plane for the slack muscle (the foot),
+blended with the original (plain) formula. `sarosi_hinged` was made for mapmore, because the outlook
+of the paper M1 suggests physics-based terms.
 
 Measured muscles give almost no force below a threshold pressure, which rises with the strain. If
-Sárosi's formula is fitted to data of such a muscle, its terms describe the forces below the
-threshold instead of the larger forces. Here, `hi` (Sárosi's formula with a1 to a6) and the foot
-`lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
+Sárosi's formula is fitted to data of such a muscle, the terms of the formula describe the forces
+below the threshold instead of the larger forces. In `sarosi_hinged`, `hi` (Sárosi's formula with
+the parameters a1 to a6) and the foot `lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
 
 ```text
 F        = share F_hinged + (1 - share) F_plain
