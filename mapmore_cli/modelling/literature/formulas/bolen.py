@@ -27,7 +27,7 @@ def published(diameter: int, largest: str, c0: float, c1: float, c2: float) -> F
         title=f"Bolen, {diameter} mm",
         reference=f"{SOURCE}, with the constants of {diameter} mm muscles",
         about=(
-            f"`bolen_{diameter}mm` is Bolen's static force of a {diameter} mm muscle with the "
+            f"This formula is Bolen's static force of a {diameter} mm muscle with the "
             "published constants. Only `e620`, the largest strain at 620 kPa, is fitted. The "
             "pressure must be in kPa, and the force is in N."
         ),
