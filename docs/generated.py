@@ -216,10 +216,27 @@ def names() -> str:
     return "\n".join(["| what is predicted | formulas |", "|---|---|", *rows])
 
 
+def sourced() -> str:
+    """Return the formulas with a link from the source of each formula to its reference."""
+
+    def linked(source: re.Match[str]) -> str:
+        """Return the source with whole words for equations, and links for the short names."""
+        words = source[0].replace(" = ", ", and also ")
+        words = re.sub(r"\beq (?=\d+( and|-\d))", "equations ", words)
+        words = re.sub(r"\beq ", "equation ", words)
+        return re.sub(
+            r"\b(M1|M2|W|H)\b( (?=equation|section|table))?",
+            lambda name: f"the paper [{name[1]}](references.md){', ' if name[2] else ''}",
+            words,
+        )
+
+    return re.sub(r"(?<=^- The source of the formula is ).*$", linked, formulas(), flags=re.M)
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "names": names,
     "keys": keys,
-    "formulas": formulas,
+    "formulas": sourced,
     "files": files,
     "python": python,
 }

@@ -1,5 +1,6 @@
-"""A process with delays, whose input also acts by its square, is identified from its recording. The
-script prints the model, and the picture shows a free run over data that were not used for fitting.
+"""The script identifies a process from its recording. The output of the process depends on the
+delayed input and on the square of the delayed input. The script prints the model, and the picture
+shows a free run over data that were not used for fitting.
 """
 
 import matplotlib.pyplot as plt

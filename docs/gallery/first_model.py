@@ -1,6 +1,7 @@
-"""A model is built from arrays, and its scores and a picture are shown. With two terms in each of
-four segments, the error of the model is half as large as the error of a cubic polynomial in both
-inputs. (The data are five simulated curves, and not the recordings of the page First model.)
+"""The script builds a model from arrays, prints its scores and draws a picture. With two terms in
+each of four segments, the error of the model is about half as large as the error of a cubic
+polynomial in both inputs. (The data are five simulated curves, and not the recordings of the page
+First model.)
 """
 
 from muscle import STUDY, recording, save

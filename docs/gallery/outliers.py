@@ -1,5 +1,5 @@
-"""Gross outliers bend a least-squares fit. With `loss: bisquare`, the fit gives outliers no weight
-and lists them.
+"""A few samples with large errors (outliers) distort a least-squares fit. With `loss: bisquare`,
+the fit gives outliers no weight and lists them.
 """
 
 import matplotlib.pyplot as plt

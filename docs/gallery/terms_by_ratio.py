@@ -1,5 +1,5 @@
-"""FROLS can be called without a spec. FROLS chooses the terms of a model one by one, and the
-picture shows their error reduction ratios in the order of the choice.
+"""The script calls the algorithm FROLS directly, without a spec. FROLS chooses the terms of a model
+one by one, and the picture shows their error reduction ratios in the order of the choice.
 """
 
 import matplotlib.pyplot as plt

@@ -372,8 +372,8 @@ class StateSet:
 
 @dataclass(frozen=True)
 class MemoryModel:
-    """Model with memory. Its output at sample k is `constant + sum_j theta_j D_j(states[k])`, with
-    terms D_j and coefficients theta_j.
+    """Model with memory. The output of the model at sample k is `constant + sum_j theta_j
+    D_j(states[k])`, with terms D_j and coefficients theta_j.
 
     A free run begins with measured outputs and continues with predicted outputs. It has diverged if
     a predicted output lies outside `limits`, and its distance from them is more than a hundred

@@ -86,8 +86,8 @@ B = TypeVar("B", bound=Body)
 # two objects are equal only if they are the same object, because arrays have no hash
 @dataclass(frozen=True, eq=False)
 class Pieces(Body):
-    """Model of pieces (MAPMORE). Its output is `backbone + sum_i f_i prod_j w_ij`, with segment
-    functions f_i and weights w_ij (M2 eq 9).
+    """Model of pieces (MAPMORE). The output of the model is `backbone + sum_i f_i prod_j w_ij`,
+    with segment functions f_i and weights w_ij (M2 eq 9).
 
     `level` is None if all curves are pooled. Curves have no segments if cross-validation showed
     that segments do not improve the backbone; the model is then the backbone alone.
@@ -294,8 +294,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Model:
-    """A model with everything that a prediction needs. It consists of fields that all kinds of
-    models have, and of a `body`, whose type depends on the kind.
+    """A model with everything that a prediction needs. A model consists of fields that all kinds of
+    models have, and of a `body`, whose type depends on the kind of the model.
     """
 
     name: Annotated[Label, "name of the run"]

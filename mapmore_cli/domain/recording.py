@@ -122,7 +122,7 @@ class CurveRange:
 
 @dataclass(frozen=True)
 class Curve:
-    """Samples at one level. If the study has no levels, they are the samples of one recording.
+    """Samples of a curve, that is, of one level, or of one recording if there are no levels.
 
     Without levels, `level` is None and `id` is the id of the recording. `at_rest` is None for
     curves without plateaus. `origin` is None if it is unknown which recording each sample belongs
@@ -239,8 +239,8 @@ def united(ranges: Iterable[Ranges]) -> dict[str, Ends]:
 
 @dataclass(frozen=True)
 class Grouping:
-    """The groups of samples. For each group, an offset, a gain or both are estimated and removed
-    from the target.
+    """Groups of samples, for example sessions. For each group, an offset, a gain or both are
+    estimated and removed from the target.
     """
 
     target: Annotated[QuantityName, "the quantity from which the effects are removed"]

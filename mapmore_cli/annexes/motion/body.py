@@ -33,8 +33,8 @@ def poles(p1: float, p2: float) -> tuple[complex, complex]:
 
 @dataclass(frozen=True)
 class MotionSection:
-    """A linear section: `x1[k+1] = x2[k]`, `x2[k+1] = P1 x1[k] + P2 x2[k] + sum_m w_m d_m[k]`,
-    output x1 (equation 10 of Brown and Xie 2024, in discrete time).
+    """A linear section with the states `x1[k+1] = x2[k]` and `x2[k+1] = P1 x1[k] + P2 x2[k] +
+    sum_m w_m d_m[k]`, and with the output x1 (equation 10 of Brown and Xie 2024, in discrete time).
 
     `x2` is the output one sample ahead. The signals d drive the section (`drives` of the model).
     The first of them is the input, so that `w_1` is P3.
@@ -76,7 +76,7 @@ class MotionSection:
 
 @dataclass(frozen=True)
 class Motion:
-    """Sections along an input (equations 14 to 17 of Brown and Xie 2024).
+    """Linear models for sections of an input's range (Brown and Xie 2024, equations 14 to 17).
 
     With `hard` switching, every section is simulated with the whole input, and the output of the
     active section is used. With `carried` switching, a section that becomes active continues from

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Part:
-    """A model in a sum.
+    """One of the models whose outputs a sum adds.
 
     An input of the model may be the output of another model, for example the pressure behind a
     valve. `fed` holds such other models. The output of each has the name of the input that it

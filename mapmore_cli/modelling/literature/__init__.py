@@ -116,7 +116,7 @@ def _formula_section(formula: Formula) -> str:
         )
     if formula.fitted_to == LOAD_CYCLES:
         lines.append(
-            "- The formula needs a static study (`needs: {static: ...}`), to whose load cycles "
-            "it is fitted."
+            "- The formula needs a static study (`needs: {static: ...}`), because it is fitted to "
+            "the load cycles of this study."
         )
     return "\n".join(lines) + "\n"

@@ -1,9 +1,11 @@
-"""Bolen's formula for the static force of a McKibben muscle. All of its constants are fitted.
+"""`bolen` is Bolen's formula for the static force of a McKibben muscle, in which all constants are
+fitted.
 
 The source prints `F* = c0 (exp(-c1 e*) - 1) + P* exp(-c2 e*^2)`. F* is the force divided by the
 force at 620 kPa and zero strain, e* is the strain divided by the largest strain at 620 kPa (e620),
-and P* is the pressure divided by 620 kPa. Data that do not reach e620 determine only `k1 = c1/e620`
-and `k2 = c2/e620^2`, so these two are fitted.
+and P* is the pressure divided by 620 kPa. If the data do not contain the strain e620, they
+determine only the quotients `k1 = c1/e620` and `k2 = c2/e620^2`. Therefore k1 and k2 are fitted
+instead of c1, c2 and e620.
 """
 
 from mapmore_cli.modelling.literature.formula import Formula, LinearForm
@@ -23,11 +25,11 @@ def published(diameter: int, largest: str, c0: float, c1: float, c2: float) -> F
     return Formula(
         name=f"bolen_{diameter}mm",
         title=f"Bolen, {diameter} mm",
-        reference=f"{SOURCE}; constants of {diameter} mm muscles",
+        reference=f"{SOURCE}, with the constants of {diameter} mm muscles",
         about=(
-            f"Bolen's static force of a {diameter} mm muscle with the published constants. Only "
-            "`e620`, the largest strain at 620 kPa, is fitted. The pressure must be in kPa, and "
-            "the force is in N."
+            f"This formula is Bolen's static force of a {diameter} mm muscle with the "
+            "published constants. Only `e620`, the largest strain at 620 kPa, is fitted. The "
+            "pressure must be in kPa, and the force is in N."
         ),
         inputs=("pressure", "strain"),
         parameters=("length", "e620"),

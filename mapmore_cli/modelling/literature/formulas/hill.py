@@ -1,20 +1,21 @@
-"""Contractile element of Hill's muscle model: the product of activation, force-length factor and
-force-velocity factor.
+"""`hill` is the contractile element of Hill's muscle model: its force is the product of an
+activation, a force-length factor and a force-velocity factor.
 
-The equations are H eq 1-3. The force is `F_CE = A F_max f_l(l) f_v(v)` with the force-length factor
-`f_l = exp(c |(l - l_opt)/(l_opt w)|^3)`. The pressure is the activation A, and F_max is in N per
-unit of pressure.
+The equations are equations 1 to 3 of the paper H. The force is `F_CE = A F_max f_l(l) f_v(v)` with
+the force-length factor `f_l = exp(c |(l - l_opt)/(l_opt w)|^3)`. The pressure is the activation A,
+and F_max is in N per unit of pressure.
 
-The velocity v is positive in shortening, as in `muscle_like`; in H eq 3, v has the opposite sign,
-and v_max is negative. The force-velocity factor has two branches:
+The velocity v is positive in shortening, as in `muscle_like`. In equation 3 of the paper H, v has
+the opposite sign, and v_max is negative. The force-velocity factor has two branches:
 
 ```text
 f_v = (v_max - v)/(v_max + kappa v)                        in shortening
 f_v = N - (N - 1) (v_max + v)/(v_max - 7.56 kappa v)       in lengthening
 ```
 
-The data determine only the ratio `c/w^3`. So c is set to ln 0.05, as by Geyer, Seyfarth and
-Blickhan; f_l is then 0.05 at the width w.
+The data determine only the ratio `c/w^3`, and not c and w separately. Therefore c is set to ln
+0.05, as Geyer, Seyfarth and Blickhan do it. The factor f_l is then 0.05 at the lengths that differ
+from l_opt by `w l_opt`.
 """
 
 from mapmore_cli.modelling.literature.formula import Formula

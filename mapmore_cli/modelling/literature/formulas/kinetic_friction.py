@@ -38,10 +38,12 @@ FORMULAS = (
         "M2 table 1, but with |strain_rate| in the exponent",
         ("B0", "B1", "B2"),
         "(B0 - B1)*exp(-abs(strain_rate)/B2) + B1",
-        """Kinetic friction that changes from B0 at rest to B1 at high speed (Tondu).
+        """`tondu_kinetic_friction` is a kinetic friction that changes from B0 at rest to B1 at high
+speed (Tondu).
 
-Table 1 of M2 prints `exp(-strain_rate/B2)`, which grows without bound when the muscle extends.
-Here, the exponent contains `|strain_rate|` instead of `strain_rate`, as in M2 eq 24.""",
+Table 1 of the paper M2 prints `exp(-strain_rate/B2)`, which grows without bound when the muscle
+extends. In `tondu_kinetic_friction`, the exponent contains `|strain_rate|` instead of
+`strain_rate`, as in equation 24 of the paper M2.""",
     ),
     friction(
         "peternel",
@@ -49,11 +51,11 @@ Here, the exponent contains `|strain_rate|` instead of `strain_rate`, as in M2 e
         "M2 eq 24",
         ("B0", "B1", "B2", "B3", "B4"),
         "B0 + B1*strain_rate + B2*strain_rate^2 + B3*exp(-abs(strain_rate)/B4)",
-        """Generalised kinetic friction as printed, with powers of the signed rate
-(Peternel et al.).
+        """`peternel` is the generalised kinetic friction of Peternel et al. as the paper M2 prints
+it, with powers of the signed rate.
 
-The term of B1 is therefore `B1*|strain_rate|`: it has the same sign whether the muscle contracts or
-extends, whereas all other terms oppose the motion.""",
+The term of B1 is therefore `B1*|strain_rate|`. This term has the same sign whether the muscle
+contracts or extends, whereas all other terms oppose the motion.""",
     ),
     friction(
         "peternel_absolute",
@@ -62,8 +64,8 @@ extends, whereas all other terms oppose the motion.""",
         ("B0", "B1", "B2", "B3", "B4"),
         "B0 + B1*abs(strain_rate) + B2*strain_rate^2 + B3*exp(-abs(strain_rate)/B4)",
         (
-            "Generalised kinetic friction with powers of the magnitude of the rate. Unlike "
-            "in `peternel`, every term opposes the motion."
+            "`peternel_absolute` is the generalised kinetic friction with powers of the magnitude "
+            "of the rate. Unlike in `peternel`, every term opposes the motion."
         ),
     ),
 )

@@ -1,11 +1,13 @@
-"""Muscle-like force: the pressure as activation, multiplied by a force-length and a force-velocity
-factor, with a passive spring in parallel.
+"""`muscle_like` is a force like that of a biological muscle. The pressure acts as the activation,
+which is multiplied by a force-length factor and a force-velocity factor. A passive spring acts in
+parallel.
 
-The force is `F_PAM = P F f_la(l) f_v(v) + F f_lp(l)` (H eq 4-5) with `f_la = 1 + a0 l + a1 l^2 + a2
-l^3`, `f_v = 1 + b0 v` and `f_lp = c0 + c1 l`. The units are those of H's table I: P is in kPa, l in
-m, v in m/s, F in N/kPa, c0 in kPa and c1 in kPa/m. The elongation l is measured from the rest
-length of each muscle. The velocity v is *positive when the muscle shortens*. If b0 is negative, a
-shortening muscle pulls less, as a damper does.
+The force is `F_PAM = P F f_la(l) f_v(v) + F f_lp(l)` (equations 4 and 5 of the paper H) with
+`f_la = 1 + a0 l + a1 l^2 + a2 l^3`, `f_v = 1 + b0 v` and `f_lp = c0 + c1 l`. The units are those of
+table I of the paper H: P is in kPa, l in m, v in m/s, F in N/kPa, c0 in kPa and c1 in kPa/m. The
+elongation l is measured from the rest length of each muscle. The velocity v is *positive when the
+muscle shortens*. If b0 is negative, a shortening muscle pulls less, because the factor f_v then
+acts as a damper.
 
 If F and the products of F with the other constants are taken as parameters, the formula is linear
 in all parameters except b0. A search for b0 alone is therefore enough (variable projection). The

@@ -1,4 +1,4 @@
-"""Sárosi's empirical static force of a McKibben muscle."""
+"""`sarosi` is Sárosi's empirical formula for the static force of a McKibben muscle."""
 
 from dataclasses import replace
 

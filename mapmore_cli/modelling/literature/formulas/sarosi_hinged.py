@@ -1,11 +1,11 @@
-"""Sárosi's formula with an additional plane for the slack muscle (the foot), blended with the
-original (plain) formula. `sarosi_hinged` was made for mapmore, because the outlook of M1 suggests
-physics-based terms.
+"""`sarosi_hinged` is Sárosi's formula with an additional plane for the slack muscle (the foot),
+blended with the original (plain) formula. `sarosi_hinged` was made for mapmore, because the outlook
+of the paper M1 suggests physics-based terms.
 
 Measured muscles give almost no force below a threshold pressure, which rises with the strain. If
-Sárosi's formula is fitted to data of such a muscle, its terms describe the forces below the
-threshold instead of the larger forces. Here, `hi` (Sárosi's formula with a1 to a6) and the foot
-`lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
+Sárosi's formula is fitted to data of such a muscle, the terms of the formula describe the forces
+below the threshold instead of the larger forces. In `sarosi_hinged`, `hi` (Sárosi's formula with
+the parameters a1 to a6) and the foot `lo = b0 + b1 P + b2 strain` are joined by a hinge of width w:
 
 ```text
 F        = share F_hinged + (1 - share) F_plain
@@ -18,8 +18,9 @@ F_hinged. `share` is the weight of F_hinged. The weight of each of the two parts
 no foot, both parts are about equally good and have about equal weights. F_plain gets no weight if
 its exponent s3 is at a bound or is not determined by the data. With such an exponent, the term
 exp(s3 strain) of F_plain could be so large outside the measured strains that even a very small
-weight would spoil the force. The strain must be a fraction, because the prior of a3 is a decay over
-a strain of 1/33.
+weight would spoil the force. The strain must be a fraction and not in per cent. The reason is that,
+if the data do not determine a3, the fit keeps a3 near a fixed value, which is about -33 and holds
+for a strain that is a fraction.
 """
 
 from __future__ import annotations

@@ -227,11 +227,12 @@ FORMULAS = (
         "Sárosi, hysteresis loss",
         "M2 eq 17-23, times the length",
         "-2*zeta*sqrt(abs(stiffness)*load/9.81)*length*strain_rate",
-        """Sárosi's hysteresis loss: the damping ratio zeta, multiplied by the critical
-damping `2 sqrt(|k_t| m)` and by the muscle's velocity.
+        """`sarosi_hysteresis_loss` is Sárosi's hysteresis loss: the product of the damping
+ratio zeta, the critical damping `2 sqrt(|k_t| m)` and the muscle's velocity.
 
-M2 eq 19 multiplies by the strain rate, although k_t is per metre (eq 20), so that the result has
-the unit N/m. Here, the result is also multiplied by the length, so that it is a force.""",
+Equation 19 of the paper M2 multiplies by the strain rate, although k_t is a force per metre
+(equation 20), so that the result has the unit N/m. In `sarosi_hysteresis_loss`, the result is also
+multiplied by the length of the muscle, so that the result is a force.""",
     ),
     _loss(
         "sarosi_hysteresis_loss_printed",
@@ -239,8 +240,9 @@ the unit N/m. Here, the result is also multiplied by the length, so that it is a
         "M2 eq 17-23",
         "-2*zeta*sqrt(abs(stiffness)*load/9.81)*strain_rate",
         (
-            "Sárosi's hysteresis loss as M2 eq 19-20 print it, without the length of the muscle. "
-            "The result is that of `sarosi_hysteresis_loss` divided by the length."
+            "`sarosi_hysteresis_loss_printed` is Sárosi's hysteresis loss as equations 19 and 20 "
+            "of the paper M2 print it, without the length of the muscle. The result is that of "
+            "`sarosi_hysteresis_loss` divided by the length."
         ),
     ),
 )

@@ -87,12 +87,13 @@ FORMULAS = (
         inputs=("pressure", "strain"),
         parameters=("c1", "c2"),
         text="pressure*(c1*(1 - strain)^2 - c2)",
-        about="""Chou and Hannaford's static force of a braided cylinder, from the conservation
-of energy.
+        about="""`chou_hannaford` is Chou and Hannaford's static force of a braided cylinder. The
+formula follows from the conservation of energy.
 
-W eq 3 is `F = P b^2 (3 L^2/b^2 - 1)/(4 pi n^2)` with the thread length b, the number n of turns of
-a thread, and the length L = L0 (1 - strain). Here, b and n are replaced by one lumped parameter for
-each power of L, so that the formula is linear in its parameters:
+Equation 3 of the paper W is `F = P b^2 (3 L^2/b^2 - 1)/(4 pi n^2)` with the thread length b, the
+number n of turns of a thread, and the length L = L0 (1 - strain). In `chou_hannaford`, b and n are
+replaced by one lumped parameter for each power of L, so that the formula is linear in its
+parameters:
 
 ```text
 c1 = 3 L0^2/(4 pi n^2),     c2 = b^2/(4 pi n^2)
@@ -110,14 +111,16 @@ with other parameters, and its fit allows real braids only.""",
         "W eq 4",
         "strain",
         (),
-        """Tondu and Lopez' static force of a braided cylinder, from virtual work.
+        """`tondu_lopez` is Tondu and Lopez' static force of a braided cylinder. The formula
+follows from the principle of virtual work.
 
-W eq 4 takes the area pi D^2/4 from the muscle's nominal diameter and fits only the angle. In
-`tondu_lopez`, both the angle and the area are fitted. The diameter of the bladder need not be
-known, and the training error cannot be larger than with a fixed area. With the pressure in kPa
-and the force in N, the unit of the area is 1e-3 m^2. With a fitted area, this is the same equation
-as that of `chou_hannaford` (W eq 3); only the parameters differ. Both give the same forces if the
-fitted parameters of `chou_hannaford` describe a real braid.""",
+The paper W (equation 4) takes the area pi D^2/4 from the muscle's nominal diameter and fits only
+the angle. In `tondu_lopez`, both the angle and the area are fitted. The diameter of the bladder
+need not be known, and the training error cannot be larger than with a fixed area. With the pressure
+in kPa and the force in N, the unit of the area is 1e-3 m^2. With a fitted area, `tondu_lopez` is
+the same equation as `chou_hannaford`; only the parameters differ. `tondu_lopez` and
+`chou_hannaford` give the same forces if the fitted parameters of `chou_hannaford` describe a real
+braid.""",
     ),
     braided(
         "tondu_lopez_fixed_area",
@@ -125,11 +128,12 @@ fitted parameters of `chou_hannaford` describe a real braid.""",
         "W eq 4, as printed",
         "strain",
         (),
-        """Tondu and Lopez' static force as W prints it: the area is that of the muscle's
-nominal diameter, and only the angle is fitted.
+        """`tondu_lopez_fixed_area` is Tondu and Lopez' static force as the paper W prints it.
+The area is computed from the muscle's nominal diameter, and only the angle is fitted.
 
-The equations are W eq 4 with eq 6-7. In `tondu_lopez`, both the area and the angle are fitted, so
-that `tondu_lopez` can describe the same forces as `chou_hannaford`.""",
+The equations are equation 4 of the paper W with its equations 6 and 7. In `tondu_lopez`, both the
+area and the angle are fitted, so that `tondu_lopez` can describe the same forces as
+`chou_hannaford`.""",
         of_diameter=True,
     ),
     braided(
@@ -138,11 +142,11 @@ that `tondu_lopez` can describe the same forces as `chou_hannaford`.""",
         "W eq 8 with eq 10",
         CORRECTED_STRAIN,
         CORRECTION,
-        """Tondu and Lopez' static force with a factor on the strain, because the ends of
-the muscle do not stay cylindrical.
+        """`tondu_lopez_corrected` is Tondu and Lopez' static force with a factor on the
+strain, because the ends of the muscle do not stay cylindrical.
 
 The factor on the strain depends on the pressure, which must be in kPa. As in `tondu_lopez`, the
-area pi D^2/4 is fitted, whereas W fits only theta, a_k and b_k.""",
+area pi D^2/4 is fitted, whereas the authors of the paper W fit only theta, a_k and b_k.""",
     ),
     braided(
         "tondu_lopez_corrected_fixed_area",
@@ -150,11 +154,11 @@ area pi D^2/4 is fitted, whereas W fits only theta, a_k and b_k.""",
         "W eq 8 with eq 10, as printed",
         CORRECTED_STRAIN,
         CORRECTION,
-        """Tondu and Lopez' static force with a factor on the strain, as W prints it: with
-the area of the muscle's nominal diameter.
+        """`tondu_lopez_corrected_fixed_area` is Tondu and Lopez' static force with a factor
+on the strain, as the paper W prints it. The area is computed from the muscle's nominal diameter.
 
-The equations are W eq 8 with eq 10, in which theta, a_k and b_k are fitted. In the formula
-`tondu_lopez_corrected`, the area is fitted as well.""",
+The equations are equations 8 and 10 of the paper W, in which theta, a_k and b_k are fitted. In the
+formula `tondu_lopez_corrected`, the area is fitted as well.""",
         of_diameter=True,
     ),
     Formula(
@@ -165,13 +169,14 @@ The equations are W eq 8 with eq 10, in which theta, a_k and b_k are fitted. In 
         parameters=("theta", "a_k", "b_k", "a_e", "b_e"),
         text=f"(a_e*exp(-40*strain) - b_e)*pressure*{braid(CORRECTED_STRAIN)}",
         nonlinear=(ANGLE, *CORRECTION),
-        about="""Kerscher et al.'s static force: the formula of Tondu and Lopez with one factor
-on the strain and another on the force.
+        about="""`kerscher` is the formula of Tondu and Lopez for the static force, to which
+Kerscher et al. have added one factor on the strain and another factor on the force.
 
-The factor on the force is `mu = a_e exp(-40 strain) - b_e` (W eq 11, with the strain as a
-fraction). Here, a_e and b_e are W's parameters multiplied by the area pi D^2/4, because the data
-cannot separate the area from this factor. The fitted area therefore needs no parameter of its own,
-and there are as many parameters as in W. With the pressure in kPa and the force in N, the unit of
-a_e and b_e is 1e-3 m^2. The pressure must be in kPa (W eq 10).""",
+The factor on the force is `mu = a_e exp(-40 strain) - b_e` (equation 11 of the paper W, with the
+strain as a fraction). In `kerscher`, a_e and b_e are the parameters of the paper W multiplied by
+the area pi D^2/4, because the data cannot separate the area from this factor. The fitted area
+therefore needs no parameter of its own, and the formula has as many parameters as in the paper W.
+With the pressure in kPa and the force in N, the unit of a_e and b_e is 1e-3 m^2. The pressure must
+be in kPa, because the factor on the strain is computed from the number of kPa.""",
     ),
 )

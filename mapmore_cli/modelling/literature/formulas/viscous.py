@@ -54,14 +54,14 @@ def viscous(
     )
 
 
-KERSCHER = "Viscous damping in proportion to the pressure (Kerscher et al.)."
+KERSCHER = "`pressure_viscous` is viscous damping in proportion to the pressure (Kerscher et al.)."
 REYNOLDS = (
-    "First-order pressure-dependent viscous damping, fitted to rising and falling pressure "
-    "separately (Reynolds et al.)."
+    "`reynolds` is viscous damping whose coefficient is a linear function of the pressure. It is "
+    "fitted to rising and falling pressure separately (Reynolds et al.)."
 )
 CAO = (
-    "Reynolds' damping in two pressure regions, up to 200 kPa and above, each with separate "
-    "coefficients for rising and falling pressure (Cao et al.). The pressure must be in kPa."
+    "`cao` is the formula `reynolds` with separate coefficients for two pressure regions, up to "
+    "200 kPa and above 200 kPa (Cao et al.). The pressure must be in kPa."
 )
 FORMULAS = (
     Formula(
@@ -72,7 +72,9 @@ FORMULAS = (
         parameters=(),
         text="0",
         component="damping",
-        about="No damping force. Every damping model should have a smaller error than `none`.",
+        about=(
+            "The damping force is zero. Every useful damping model has a smaller error than `none`."
+        ),
     ),
     viscous(
         "linear_viscous",
@@ -80,7 +82,7 @@ FORMULAS = (
         "M2 table 1",
         ("B0",),
         "B0",
-        "Linear viscous damping (Tondu).",
+        "`linear_viscous` is linear viscous damping (Tondu).",
     ),
     viscous("pressure_viscous", "Pressure viscous", "M2 table 1", ("B1",), "B1*pressure", KERSCHER),
     by_region(
