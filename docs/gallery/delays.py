@@ -1,5 +1,6 @@
-"""A process with delays, whose input also acts by its square, is identified from its recording. The
-script prints the model, and the picture shows a free run over data that were not used for fitting.
+"""The script identifies a process with delays from a recording. The output of the process also
+depends on the square of the input. The script prints the model, and the picture shows a free run
+(simulation) over data that were not used for fitting.
 """
 
 import matplotlib.pyplot as plt

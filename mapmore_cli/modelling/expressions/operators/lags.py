@@ -98,9 +98,10 @@ OPERATORS = (
     Operator(
         name="creep",
         summary=(
-            "Creep of the quantities in `of` with the logarithm of time. For changes smaller "
-            "than `width`, a fraction of the training range, creep is a first-order lag with the "
-            "time constant `tau`. Training estimates `tau` and `width` if they are not given."
+            "Creep of the quantities in `of` with the logarithm of time. Changes that are small "
+            "compared with `width` (a fraction of the training range) creep as in a first-order "
+            "lag with the time constant `tau`. Training estimates `tau` and `width` if they are "
+            "not given."
         ),
         recursion=creep,
         parameters=(
