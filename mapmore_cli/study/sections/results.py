@@ -90,7 +90,7 @@ class Competitor(Section):
     - `levels`: With `nominal`, a formula is fitted and scored with the nominal values of the level
       quantity instead of the measured ones. Example: `nominal`
     - `sum`: Formulas that are fitted together, with signs and renamed inputs. Example: `[{formula:
-      sarosi}, {formula: viscous, sign: -1}]`
+      sarosi}, {formula: linear_viscous, sign: -1}]`
     - `as`: Name of the competitor in the scores. Example: `one_term`
     """
 
