@@ -96,7 +96,7 @@ class LoadedModel:
 
     @property
     def output(self) -> Quantity:
-        """Name and unit of the predicted quantity; for several outputs, those of the first."""
+        """Name and unit of the output. If the model has several outputs, it is the first output."""
         return self.model.output
 
     @property
