@@ -32,7 +32,8 @@ OF_RECORDINGS: tuple[Rule, ...] = (
     *(samples.constant, samples.same_signal, samples.clipped),
     *(signs.force_never_pulls, signs.strain_turned),
     *(samples.still_cycles, units.header_of_numbers),
-    *(samples.recorded_twice, odd_values.spikes_in, odd_values.below_vacuum),
+    *(samples.recorded_twice, odd_values.spikes_in, odd_values.fill_values),
+    odd_values.below_vacuum,
     *(pairs.computed_from, pairs.untold_difference),
 )
 """Rules that need only the recordings, so that they can also explain why no curves could be

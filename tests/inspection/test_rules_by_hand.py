@@ -296,6 +296,21 @@ def test_no_gauge_shows_less_than_a_vacuum():
     assert issue.message.startswith("r0: sample 2: pressure")
 
 
+@pytest.mark.parametrize(
+    ("fill", "count", "told"),
+    [
+        *((-9999, 2, True), (-9999, 1, False), (-9999, 10, True), (-9999, 11, False)),
+        *((9999, 2, True), (-4.9, 2, False), (-5.1, 2, True), (6.1, 2, True)),
+    ],
+)
+def test_a_number_far_from_all_others_stands_for_a_missing_value(fill, count, told):
+    values = np.append(np.linspace(0, 1, 100 - count), [fill] * count)
+    issues = found(odd_values.fill_values, {"force": values, "time": values})
+    assert issues == [("warning", "fill-value", "data.columns.force")] * told
+    two_values = np.append(np.zeros(90), np.ones(10))  # a valve
+    assert found(odd_values.fill_values, {"force": two_values}) == []
+
+
 @pytest.mark.parametrize(("unit", "whole"), [("1", 1.0), ("%", 100.0)])
 @pytest.mark.parametrize(
     ("share", "told"), [(0.99, []), (1.01, ["strain reaches 1.01, which is 101 %"])]

@@ -1,4 +1,6 @@
-"""Check single values: spikes of one sample, and pressures that no gauge can read."""
+"""Check single values: spikes of one sample, numbers in place of missing values, and pressures that
+no gauge can read.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +10,15 @@ import numpy as np
 
 from mapmore_cli.checking.evidence import spikes
 from mapmore_cli.checking.rules import Issue, Issues, Subject
-from mapmore_cli.domain.arrays import WIDE, IntArray, by_blocks, in_blocks
+from mapmore_cli.domain.arrays import WIDE, IntArray, by_blocks, extremes, in_blocks
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.recording import Recording
 from mapmore_cli.study.units import convert
 
 VACUUM = -101.4  # lowest pressure that a gauge can show, kPa, if it reads zero in the open air
+# A number stands for a missing value if it occurs at least twice, in at most this fraction of the
+# samples, and is this many times the range of all other values away from them.
+SHARE_OF_FILLS, FAR = 0.1, 5
 WITH_ROWS = ("csv", "xlsx")  # names of the readers whose files have numbered rows
 
 
@@ -46,6 +51,32 @@ def spikes_in(subject: Subject) -> Issues:
                 "measured, do nothing",
                 "data",
             )
+
+
+def fill_values(subject: Subject) -> Issues:
+    """Find numbers that a logger writes in place of missing values, for example -9999."""
+    for name in subject.spec.data.columns:
+        for recording in subject.recordings if name != "time" else ():
+            values = recording.columns.get(name, np.zeros(0))
+            for end in dict.fromkeys(extremes(values)) if values.size else ():
+                filled = by_blocks(partial(np.equal, end), values)
+                rows = np.flatnonzero(filled)
+                if not 1 < rows.size <= SHARE_OF_FILLS * len(values):
+                    continue
+                low, high = extremes(values[~filled])
+                if 0 < FAR * (high - low) < min(abs(end - low), abs(end - high)):
+                    unit = subject.units[name]
+                    yield Issue(
+                        "warning",
+                        "fill-value",
+                        subject.source(name),
+                        f"{_first_of(subject, recording, rows)}: {name} is exactly {end:.6g} "
+                        f"{unit}, and otherwise between {low:.6g} and {high:.6g} {unit}",
+                        "if the logger writes this number in place of a missing value, name it as "
+                        "the file shows it, for example `missing: {tokens: [-9999]}`; if it was "
+                        "really measured, do nothing",
+                        "data",
+                    )
 
 
 def below_vacuum(subject: Subject) -> Issues:
