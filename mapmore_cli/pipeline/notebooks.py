@@ -161,8 +161,9 @@ class LoadedModel:
         """Write the model in another language, as `mapmore export --to` does, into the folder
         `path`, and return the paths of the files.
 
-        `options` are `single`, `grid` and `verify`. Raises `UsageError`, `DataError` or
-        `WriteError` as the command does.
+        The keyword arguments in `options` may be `single` (True for single precision), `grid` (the
+        points of a lookup table) and `verify` (False to skip the comparison with `predict`). Raises
+        `UsageError`, `DataError` or `WriteError` as the command does.
         """
         exported = plugins.load("python", "export")(
             self.model, to, warn=lambda message: warnings.warn(message, stacklevel=4), **options

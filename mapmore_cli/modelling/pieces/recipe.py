@@ -144,8 +144,8 @@ class BelowAbove(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Fuse(Joining):
-    """Rules for joining pieces (M2 eq 9-12). A model with memory has no pieces. Therefore, the keys
-    of this section are refused for such a model.
+    """Rules for joining the functions of the segments (M2 eq 9-12). A model with memory has no
+    segments. Therefore, the keys of this section are refused for such a model.
 
     - `extrapolation`: What the model does outside the range of each curve (M2 eq 12): one word for
       all variables, or a mapping from each variable to a word or to `{below, above}`. The default

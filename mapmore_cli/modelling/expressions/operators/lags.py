@@ -82,9 +82,9 @@ OPERATORS = (
         name="slow",
         summary=(
             "First-order lags of the quantities in `of`, for example for creep or for the "
-            "filling of a volume. Give the time constants `tau`, or a `count` of time constants "
-            "that are spread over the range that the recordings can show. Without `tau` and "
-            "`count`, training estimates one time constant."
+            "filling of a volume. Give the time constants `tau`, or their number `count`. With "
+            "`count`, the time constants are spread over the range that the recordings can show. "
+            "Without `tau` and `count`, training estimates one time constant."
         ),
         recursion=slow,
         parameters=(
