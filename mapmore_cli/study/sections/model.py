@@ -196,9 +196,9 @@ class ModelSettings(Settings):
       spec has neither `dictionary` nor `model`. The sections `segment`, `dictionary` and `fit` are
       refused, because the search chooses their settings. The search writes the structure that it
       finds as a spec, `found.yaml`, into the run folder.
-    - `sum` adds the static and the damping model of the runs in `needs`, or other parts with signs
-      and renamed inputs. `sum` is the default if the key `sum` is given, and for the target
-      `dynamic` without a dictionary.
+    - `sum` adds the static and the damping model of the runs in `needs`, or other models and
+      formulas that the key `sum` lists with their signs and their inputs. `sum` is the default if
+      the key `sum` is given, and for the target `dynamic` without a dictionary.
     - `state_space` fits a state-space model of motion with linear sections along an input (Brown
       and Xie 2024).
 
