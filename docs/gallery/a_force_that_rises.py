@@ -1,6 +1,6 @@
-"""Beyond the data, the force of a polynomial model can rise again with the strain. With
-`fit.shape`, the force falls with growing strain, within the data and beyond them up to the distance
-that the key `beyond` sets.
+"""Beyond the measured range, the force of a polynomial model can rise again when the strain grows.
+With the key `fit.shape`, the force falls with growing strain, also beyond the measured range, up to
+a distance that you set with the key `beyond`.
 """
 
 import warnings

@@ -1,5 +1,6 @@
-"""The key `fit.shape` removes a bump. At 500 kPa, the force of the model without `shape` rises by 1
-N while the strain grows, but the force of the model with `shape` falls everywhere.
+"""The key `fit.shape` removes a bump from the curve of the force over the strain. At 500 kPa, the
+force of the model without `shape` rises by 1 N while the strain grows, but the force of the model
+with `shape` falls everywhere.
 """
 
 from typing import Any

@@ -58,12 +58,12 @@ class FROLS:
     After `fit`, the attributes `terms_`, `coef_` and `err_`, (k,) each, hold the terms, their
     coefficients and their error reduction ratios.
 
-    If a column of `X` is far from zero, for example `1e6 + x`, its monomials differ only by
-    rounding errors. The mean c of such a column x is subtracted before terms are selected.
-    `predict`, `selection_` and `table_` use terms of the difference x - c, for example
-    `(x - c)^2`. `terms_` and `coef_` describe the same model by terms of x itself. For this,
-    powers of x - c are expanded, which can add terms that were not selected. The error reduction
-    ratio of an added term is zero.
+    If the values of a column x of `X` vary little around a mean c that is far from zero, the powers
+    of x cannot be told apart because of rounding errors. In this case, c is subtracted from x
+    before terms are selected. `predict`, `selection_` and `table_` use terms of the difference
+    x - c, for example `(x - c)^2`. `terms_` and `coef_` describe the same model by terms of x
+    itself. To get these terms, powers of x - c are expanded, which can add terms that were not
+    selected. The error reduction ratio of an added term is zero.
 
     >>> x = np.linspace(0, 1, 50)
     >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)

@@ -59,7 +59,8 @@ _SHOWN = 8
 
 class Scores(tuple[Mapping[str, Any], ...]):
     """The rows of `scores.json`, each a mapping such as `{"model": "mapmore", "split": "validate",
-    "nrmse": 0.01, ...}`. `print(scores)` shows the rows in which all curves are pooled as a table.
+    "nrmse": 0.01, ...}`. `print(scores)` shows a table of those rows that belong to all curves
+    together.
     """
 
     table: ScoreTable
@@ -87,8 +88,8 @@ class Scores(tuple[Mapping[str, Any], ...]):
     def of_model(
         self, model: str = "mapmore", split: str = "validate", target: str | None = None
     ) -> Mapping[str, Any]:
-        """Return the row of a model in which all curves are pooled. Without the argument `target`,
-        it is the row of the first target. Raises `KeyError` if the table has no such row.
+        """Return the row with the scores of a model on all curves together. Without the argument
+        `target`, it is the row of the first target. Raises `KeyError` if there is no such row.
         """
         for row in self:
             row_key = (row["model"], row["split"], row["curve"])
@@ -232,7 +233,7 @@ class Fitted(LoadedModel):
     Attributes
     ----------
     scores
-        The rows of `scores.json`; they print as a table.
+        The scores, in rows as in the file `scores.json`. `print(scores)` shows a table.
     spec
         The spec with its default values.
     fit
@@ -241,8 +242,8 @@ class Fitted(LoadedModel):
         The held-out samples, curve by curve. If a recording is long, only the samples that the
         figures show are included.
     warnings
-        All warnings that the command would print. The warnings that stand before the score table
-        are also Python warnings.
+        All warnings that the command `mapmore run` would print. The warnings that it prints before
+        the score table are also Python warnings.
     doubts
         The warnings of the rules of `mapmore check`. These warnings are also Python warnings.
     """

@@ -27,7 +27,7 @@ from mapmore_cli.study.yaml_dumper import as_overrides
 
 @dataclass(frozen=True, repr=False)
 class Run(Finished):
-    """Result of `run`, in which all stages are up to date.
+    """Result of `run`. All stages of the run are up to date.
 
     Attributes
     ----------
@@ -85,8 +85,8 @@ def run(
     Raises
     ------
     MapmoreError
-        The error that the command would print. If scores miss limits, no error is raised: see
-        `Run.missed`.
+        The error that the command would print. If scores miss the limits of `validate.require`, no
+        error is raised, and `Run.missed` names these limits.
     """
     overrides = tuple(as_overrides(plain_values(dict(settings or {}))))
     finished = run_one(Job(Path(config), Path(runs), overrides, Options(force, check=check)))

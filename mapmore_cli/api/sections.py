@@ -59,8 +59,9 @@ def fit(
         or a list of these. Each element of a list is one recording. `column: 2` means the column
         with the label 2, or the third column if no label is a number. The index of a data frame is
         ignored. Masked values, None and `pd.NA` are missing values. Arrays with units (pint,
-        astropy, xarray) are converted. `time` may contain dates or durations. Texts, truth values
-        and complex numbers are refused. These rules also hold for the inputs of a fitted model.
+        astropy, xarray) are converted. `time` may contain dates or durations. Texts, booleans
+        (`True` and `False`) and complex numbers are refused. These rules also hold for the inputs
+        of a fitted model.
     columns
         Which column contains which quantity. A column needs no entry if its label is the name of a
         known quantity, for example `time`, `pressure`, `strain` or `force`. If `columns` is left

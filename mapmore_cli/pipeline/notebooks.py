@@ -44,9 +44,9 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, repr=False)
 class LoadedModel:
     """A model as a function with one keyword argument for every input, in the model's units. If
-    `time` is given, rates and directions may be left out. If points lie outside the training range,
-    the call warns (UserWarning), and returns extrapolated values. Raises `TypeError` if an input is
-    missing or unknown.
+    `time` is given, inputs that are rates or directions of motion may be left out, because they are
+    computed from the time. If points lie outside the training range, the call warns (UserWarning),
+    and returns extrapolated values. Raises `TypeError` if an input is missing or unknown.
 
     A model with memory takes one recording: its `time` in s, and the measured output if the model
     feeds its output back. A model of several outputs returns a mapping from the names of the
@@ -96,7 +96,7 @@ class LoadedModel:
 
     @property
     def output(self) -> Quantity:
-        """Name and unit of the predicted quantity; for several outputs, those of the first."""
+        """Name and unit of the output. If the model has several outputs, it is the first output."""
         return self.model.output
 
     @property
@@ -161,8 +161,9 @@ class LoadedModel:
         """Write the model in another language, as `mapmore export --to` does, into the folder
         `path`, and return the paths of the files.
 
-        `options` are `single`, `grid` and `verify`. Raises `UsageError`, `DataError` or
-        `WriteError` as the command does.
+        The keyword arguments in `options` may be `single` (True for single precision), `grid` (the
+        points of a lookup table) and `verify` (False to skip the comparison with `predict`). Raises
+        `UsageError`, `DataError` or `WriteError` as the command does.
         """
         exported = plugins.load("python", "export")(
             self.model, to, warn=lambda message: warnings.warn(message, stacklevel=4), **options
@@ -175,8 +176,8 @@ class LoadedModel:
         Each training curve is drawn as a line, the held-out samples as dots, and the model as a
         dashed line. With `interval=0.95`, bands are drawn that contain a sample of a new curve with
         a probability of 95 %. If the spec has `validate: {intervals: true}`, these bands are always
-        drawn. Raises `TypeError` for a model with memory (call it with a recording and draw the
-        result), and `DataError` as `interval` does.
+        drawn. Raises `DataError` in the same cases as `interval`, and `TypeError` for a model with
+        memory. To draw such a model, call it with a recording and draw the result.
         """
         if ax is None:
             import matplotlib.pyplot as plt
@@ -196,8 +197,8 @@ class LoadedModel:
         return self.model
 
     def outside_range(self, **columns: ArrayLike) -> BoolArray:
-        """Return True for points at which an input lies outside the training range, in the shape of
-        the output.
+        """Return an array in the shape of the output. It is True at points at which an input lies
+        outside its training range.
         """
         flat, shape = self._flattened(columns)
         return outside_range(self.model, flat).reshape(shape)
@@ -210,7 +211,8 @@ class LoadedModel:
         For an interval, the model is fitted several times, each time without one part of the
         training data. With `validate: {intervals: true}` in the spec, these fits are made together
         with the model. Without this key, a model from `fit` makes them when `interval` is called,
-        which takes time. A model from a file cannot make these fits, so `DataError` is raised.
+        which takes time. If the model is read from a file without these fits, `DataError` is
+        raised.
         """
         flat, shape = self._flattened(columns)
         low, high = interval(self._with_intervals, flat, level)

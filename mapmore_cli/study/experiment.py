@@ -66,8 +66,9 @@ class Muscle(Settings):
 
 @dataclass(frozen=True)
 class TargetColumn(Settings):
-    """A measured quantity as target. The target `tip` is short for the `column` `tip`. The target
-    `[tip_x, tip_y]` is short for the `column` `tip_x` with `[tip_y]` in `also`.
+    """A measured quantity as target. `target: tip` is a short form of `target: {column: tip}`. A
+    list such as `[tip_x, tip_y]` is a short form for the column `tip_x` with the other names in
+    `also`.
 
     - `column`: The quantity, which must be a key of `data.columns` or `data.derive`. Example: `tip`
     - `also`: Further quantities that are modelled with the same segments and terms. Example:
@@ -112,8 +113,8 @@ def _sized_by_data(fit: dict[str, Any]) -> None:
 
 
 class ExperimentSpec(Section):
-    """An experiment: what was measured, how the curves are cut, which terms may be chosen, how the
-    pieces are joined, and what the model is compared with.
+    """The spec of a study, which says what was measured, how the curves are cut, which terms may be
+    chosen, how the pieces are joined, and what the model is compared with.
 
     - `schema_version`: Version of the format. Example: `1`
     - `name`: Name of the run and of its folder. Example: `my-muscle`

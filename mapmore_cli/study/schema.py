@@ -181,10 +181,10 @@ def reference() -> str:
 _METRICS = """\
 ### Metrics
 
-`validate.require` can limit these numbers, for example `{{nrmse: 0.05, r2: 0.9}}`. A limit of {}
-is the smallest value that is allowed. A limit of any other metric is the largest value that is
-allowed. Limits are compared with the scores of the run's own model on all held-out data, or on the
-training data if nothing is held out.
+The key `validate.require` sets limits for metrics, for example `{{nrmse: 0.05, r2: 0.9}}`. A limit
+of {} is the smallest value that is allowed. A limit of any other metric is the largest value that
+is allowed. Limits are compared with the scores of the run's own model on all held-out data, or on
+the training data if nothing is held out.
 
 | metric | meaning | in units of |
 |---|---|---|

@@ -113,7 +113,7 @@ def test_rows_of_the_reference_have_values_default_unit_and_example():
     ):
         rows = [row for row in text.splitlines() if row.startswith(f"| `{key}` | {cells} | ")]
         assert any(end in row for row in rows), key
-    assert "A limit of `n`, `r2`, `r_uncentred` and `interval_coverage`\nis the smallest" in text
+    assert "of `n`, `r2`, `r_uncentred` and `interval_coverage` is the smallest" in text
 
 
 SPEC = """\

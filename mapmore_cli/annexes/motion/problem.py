@@ -32,9 +32,10 @@ QUARTER = 0.25  # longest time constant that is searched, as a fraction of the l
 class Bounds(Settings):
     """Ranges in which the particles of `solver: swarm` begin.
 
-    In the equation of a section, P1 and P2 are the factors of the output two samples and one sample
-    before, and P3 is the factor of the input. By default, these ranges contain every stable
-    section, for which P1 is in -1..1, P2 in -2..2, and `|1 - P1 - P2| < 4`.
+    In the equation of a section, P1 is the factor of the output two samples before, P2 is the
+    factor of the output one sample before, and P3 is the factor of the input. By default, these
+    ranges contain every stable section, for which P1 is in -1..1, P2 in -2..2, and `|1 - P1 - P2| <
+    4`.
 
     - `p1`: Range of P1. Example: `[-1, 1]`
     - `p2`: Range of P2. Example: `[-2, 2]`

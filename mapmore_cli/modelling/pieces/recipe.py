@@ -45,8 +45,8 @@ class Cuts(Settings):
     - `breakpoints` makes segments between the boundaries in `at`. Neighbouring segments are joined
       as with `even`.
     - `gradient` puts boundaries where the slope of the target changes most. Neighbouring boundaries
-      are at least a tenth of the range of the curve apart, so that there may be fewer segments than
-      `count`.
+      are at least a tenth of the range of the curve apart. Therefore, there may be fewer segments
+      than `count`.
     - `optimal` tries boundaries on a grid of 20 equal cells, and chooses the boundaries with which
       the fits have the smallest error.
 
@@ -144,8 +144,8 @@ class BelowAbove(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Fuse(Joining):
-    """Rules for joining pieces (M2 eq 9-12). A model with memory has no pieces, so that the keys of
-    this section are refused.
+    """Rules for joining the functions of the segments (M2 eq 9-12). A model with memory has no
+    segments. Therefore, the keys of this section are refused for such a model.
 
     - `extrapolation`: What the model does outside the range of each curve (M2 eq 12): one word for
       all variables, or a mapping from each variable to a word or to `{below, above}`. The default

@@ -68,9 +68,9 @@ class Direction(Section):
 
 class Cycles(Section):
     """Load cycles, which are split into rising and falling branches. At each level of a recording,
-    all rising branches together give one curve, and so do all falling branches. The samples of the
-    study are the mean of these two curves. Half of their difference, falling minus rising, is the
-    target `hysteresis`.
+    all rising branches together give one curve, and all falling branches together give a second
+    curve. The study uses the mean of these two curves as its samples. Half of their difference,
+    falling minus rising, is the target `hysteresis`.
 
     - `over`: The quantity that rises and falls in a cycle. Example: `strain`
     - `samples`: Number of evenly spaced values of this quantity at which both curves are

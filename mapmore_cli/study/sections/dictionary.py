@@ -371,7 +371,7 @@ else:
         __base__=Families,
         __doc__=(
             "One kind of candidate terms: monomials, states with memory, products of both, "
-            "or `terms` written out as expressions.\n\n" + "\n".join(map(_about_family, FORMS))
+            "or expressions under the key `terms`.\n\n" + "\n".join(map(_about_family, FORMS))
         ),
         __module__=__name__,
         **{key: (form | None, None) for key, form in FORMS.items()},

@@ -406,8 +406,8 @@ class Logs(Section):
 
 
 class Match(Section):
-    """Two quantities that change together, one in each log. If `shift` is `auto`, the shift between
-    the clocks is estimated from the changes of the two quantities.
+    """Two quantities, one of each log, that change at the same time. If `shift` is `auto`, the
+    shift between the clocks is estimated from the changes of the two quantities.
 
     - `first`: The quantity in the first log. Example: `pressure`
     - `second`: The quantity in the second log. Example: `valve`

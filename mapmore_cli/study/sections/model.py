@@ -183,21 +183,22 @@ else:  # names of mapmore's own types of models, and of the types that plugins a
 
 @dataclass(frozen=True, kw_only=True)
 class ModelSettings(Settings):
-    """The kind of model that the run builds. Each type has keys of its own, and refuses those of
-    other types: `backbone` belongs to `mapmore`, `name` and `family` to `literature`, `budget`,
-    `prefer` and `inputs` to `auto`, `sum` to `sum`, and all others to `state_space`. The key `type`
+    """The kind of model that the run builds. Each key except `type` belongs to one type of model,
+    and is refused for the other types. The key `backbone` belongs to the type `mapmore`. The keys
+    `name` and `family` belong to `literature`, the keys `budget`, `prefer` and `inputs` to `auto`,
+    and the key `sum` to the type `sum`. All other keys belong to `state_space`. The value of `type`
     is one of these words:
 
     - `mapmore` fits a function to each segment. The function consists of terms of the dictionary,
       and may be added to a formula (the backbone).
     - `literature` fits the formula `name` alone, or a `family`.
     - `auto` searches a structure for the model on the training data. `auto` is the default if the
-      spec has neither `dictionary` nor `model`, and refuses the sections `segment`, `dictionary`
-      and `fit`, because the search chooses them. The run folder holds the result as a spec,
-      `found.yaml`.
-    - `sum` adds the static and the damping model of the runs in `needs`, or other parts with signs
-      and renamed inputs. `sum` is the default if the key `sum` is given, and for the target
-      `dynamic` without a dictionary.
+      spec has neither `dictionary` nor `model`. The sections `segment`, `dictionary` and `fit` are
+      refused, because the search chooses their settings. The search writes the structure that it
+      finds as a spec, `found.yaml`, into the run folder.
+    - `sum` adds the static and the damping model of the runs in `needs`, or other models and
+      formulas that the key `sum` lists with their signs and their inputs. `sum` is the default if
+      the key `sum` is given, and for the target `dynamic` without a dictionary.
     - `state_space` fits a state-space model of motion with linear sections along an input (Brown
       and Xie 2024).
 

@@ -72,8 +72,8 @@ only in the spec that they change.
 
 
 class Competitor(Section):
-    """A competitor with settings of its own. Give one of these: a `model`, a `run`, this spec with
-    other settings (`set`), a `sum`, or `static` with `damping`.
+    """A competitor with settings of its own. Give exactly one of the keys `model`, `run`, `set` and
+    `sum`, or give `static` together with `damping`.
 
     - `model`: A formula of the literature, a black box (for example `gaussian_process`), or the
       path of a frozen model that ends in `.h5` (which also needs `as`). Example: `sarosi`

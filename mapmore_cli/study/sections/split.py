@@ -140,7 +140,7 @@ class Split(Section):
 class Groups(Section):
     """Groups of recordings: specimens or sessions that are scored separately.
 
-    A group that is held out as a whole has gain 1 and offset 0.
+    If all samples of a group are held out, its gain is 1 and its offset is 0.
 
     - `of`: A quantity with one value for each group. It comes from a column, or from `set` at the
       files. Example: `specimen`

@@ -39,9 +39,9 @@ OPERATORS = (
     Operator(
         name="coulomb",
         summary=(
-            "The smooth sign `tanh(x/v)` of the rates in `of`, which is Coulomb friction for a "
-            "velocity. `v` is a fraction of the training range; training estimates `v` if it is "
-            "not given."
+            "The smooth sign `tanh(x/v)` of each rate x in `of`. If the rate is a velocity, this "
+            "term describes Coulomb friction. `v` is a fraction of the training range of the rate. "
+            "Training estimates `v` if it is not given."
         ),
         recursion=coulomb,
         parameters=(

@@ -82,9 +82,9 @@ OPERATORS = (
         name="slow",
         summary=(
             "First-order lags of the quantities in `of`, for example for creep or for the "
-            "filling of a volume. Give the time constants `tau`, or a `count` of time constants "
-            "that are spread over the range that the recordings can show. Without `tau` and "
-            "`count`, training estimates one time constant."
+            "filling of a volume. Give the time constants `tau`, or their number `count`. With "
+            "`count`, the time constants are spread over the range that the recordings can show. "
+            "Without `tau` and `count`, training estimates one time constant."
         ),
         recursion=slow,
         parameters=(
@@ -98,9 +98,10 @@ OPERATORS = (
     Operator(
         name="creep",
         summary=(
-            "Creep of the quantities in `of` with the logarithm of time. For changes smaller "
-            "than `width`, a fraction of the training range, creep is a first-order lag with the "
-            "time constant `tau`. Training estimates `tau` and `width` if they are not given."
+            "Creep of the quantities in `of` with the logarithm of time. Changes that are small "
+            "compared with `width` (a fraction of the training range) creep as in a first-order "
+            "lag with the time constant `tau`. Training estimates `tau` and `width` if they are "
+            "not given."
         ),
         recursion=creep,
         parameters=(

@@ -69,7 +69,7 @@ def _with_widths(
 ) -> Operator:
     return Operator(
         name,
-        f"{summary}, as fractions of the training range. Instead of `widths`, a `count` gives the "
+        f"{summary}, as a fraction of the training range. Instead of `widths`, a `count` gives the "
         "number of evenly spaced widths. Without `widths` and `count`, training estimates one "
         "width.",
         recursion,
@@ -85,15 +85,16 @@ def _with_widths(
 OPERATORS = (
     _with_widths(
         "play",
-        "`play` operators (backlash) on the quantities in `of`. `widths` are half the gap",
+        "`play` operators (backlash) on the quantities in `of`. Each number in `widths` is half "
+        "the gap of an operator",
         play_recursion,
         lambda x, setting: play(x, setting.width),
     ),
     _with_widths(
         "stop",
         "`stop` operators (friction that sticks before it slips) on the quantities in `of`. "
-        "`widths` are half the distance that the input moves after a reversal until the operator "
-        "slips",
+        "Each number in `widths` is half the distance that the input moves after a reversal until "
+        "the operator slips",
         stop_recursion,
         lambda x, setting: x - play(x, setting.width),
     ),

@@ -79,9 +79,11 @@ OPERATORS = (
     Operator(
         name="wen",
         summary=(
-            "Smooth hysteresis (Bouc-Wen) of the quantities in `of`. The state saturates with the "
-            "rate `p` and turns back with the rate `q`. Both rates are per training range of the "
-            "quantity. Training estimates `p` and `q` from 0 upwards if they are not given."
+            "Smooth hysteresis (Bouc-Wen) of the quantities in `of`. The larger the rate `p` is, "
+            "the sooner the state saturates. The larger the rate `q` is, the faster the state "
+            "returns to zero after a reversal. The input of the state is the quantity divided by "
+            "its training range. If `p` and `q` are not given, training estimates them, with 0 as "
+            "the smallest value."
         ),
         recursion=recursion,
         parameters=_rates(0.0),
@@ -104,8 +106,8 @@ OPERATORS = (
     Operator(
         name="dahl",
         summary=(
-            "Dahl's friction of the quantities in `of`, which is `wen` with equal rates p and q. "
-            "Training estimates this `rate` if it is not given."
+            "Dahl's friction of the quantities in `of`. It is `wen` with one `rate` for both p and "
+            "q. Training estimates the rate if it is not given."
         ),
         recursion=recursion,
         parameters=(
