@@ -21,7 +21,7 @@ _WORDS = {
     " deformación deformacion deformazione contracción contrazione 应变",
     "force": "f force kraft tension pull loadcell effort fuerza forza força kracht сила усилие 力"
     " 拉力 推力",
-    "displacement": "d x disp displacement position pos stroke extension elongation travel weg"
+    "displacement": "d x disp displacement position pos stroke extension elongation travel shortening weg"
     " déplacement deplacement desplazamiento spostamento verplaatsing перемещение 位移 変位",
     "length": "l len length länge laenge longueur longitud lunghezza lengte длина 长度",
     "load": "load weight mass",

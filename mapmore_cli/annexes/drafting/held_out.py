@@ -8,6 +8,7 @@ import numpy as np
 
 from mapmore_cli.annexes.drafting.draft import Conditions, Draft, Section
 from mapmore_cli.annexes.drafting.experiment import Experiment, set_values
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Recording
 
@@ -33,14 +34,18 @@ def with_split(
     levels, groups = draft.data.get("levels"), draft.data.get("groups", {})
     values = {levels["of"]: levels["at"]} if levels else done.conditions
     inside = {name: some for name, places in values.items() if (some := inner(sorted({*places})))}
-    logs = [*dict.fromkeys(one.log or one.id for one in done.recordings)]
+    in_order = [*done.recordings]
+    if done.held is not None:  # inner recordings then lie between the others
+        of = done.held.of
+        in_order.sort(key=lambda one: float(np.median(one.columns[of])))
+    logs = [*dict.fromkeys(one.log or one.id for one in in_order)]
     is_whole = len(logs) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
     way = wanted or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
     held_out: Section = {}
     if way == LAST_SAMPLES:
         held_out, why = _last_or_between(done, is_free=wanted is None and not has_memory)
     elif way == WHOLE:
-        held_out, why = _whole_recordings(done, logs), "between: whole recordings"
+        held_out, why = _whole_recordings(done, logs)
     else:
         places = inside.get(way) or _band(way, done.recordings, values)
         held_out, why = {way: places} if places else {}, "between: inner values"
@@ -73,23 +78,25 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
         return {LAST_SAMPLES: LAST}, "between: the last samples of every recording"
     if not is_free:
         why = (
-            f"beyond: the last samples of every recording, in which {', '.join(names)} leaves "
-            "the range of the samples before"
+            "beyond: the last samples of every recording, most of which lie outside the range of "
+            f"{', '.join(names)} in the samples before"
         )
         return {LAST_SAMPLES: LAST}, why
     for name in names:
         if values := inner(set_values(done.recordings, name)):
             return {name: values}, f"between: inner values, because {name} moves steadily"
     share = {"fraction": SHARE, "seed": 1}
-    return share, f"between: samples drawn at random, because {', '.join(names)} moves steadily"
+    moving = f"{', '.join(names)} {'moves' if len(names) == 1 else 'move'} steadily"
+    return share, f"between: samples drawn at random, because {moving}"
 
 
-def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
-    """Return the recordings to hold out: every third log except the first and the last or, if there
-    are only two logs, the second. If a log was cut into pieces, all its pieces are held out. If the
-    recordings differ in the value of a single quantity, every third of these values is held out
-    instead.
+def _whole_recordings(done: Experiment, logs: Sequence[str]) -> tuple[Section, str]:
+    """Return the recordings to hold out, and the reason: every third log except the first and the
+    last or, if there are only two logs, the second. If a log was cut into pieces, all its pieces
+    are held out. If the recordings differ in the value of a single quantity, every third of these
+    values is held out instead.
     """
+    why = "between: whole recordings"
     if len(done.apart) == 1:
         name = done.apart[0]
         values = sorted({float(one.columns[name][0]) for one in done.recordings})
@@ -98,21 +105,46 @@ def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
         held = logs[1:-1:3] or logs[1:]
         ids = [one.id for one in done.recordings if (one.log or one.id) in held]
         held_out = {WHOLE: ids}
-    return held_out if all(held_out.values()) else {}
+        names = [name for name in done.inputs if ids and _leaves_range(name, done.recordings, ids)]
+        if names:
+            why = (
+                "beyond: whole recordings, most samples of which lie outside the range of "
+                f"{', '.join(names)} in the others"
+            )
+    return (held_out if all(held_out.values()) else {}), why
 
 
 def _beyond(done: Experiment) -> list[str]:
     """Return the inputs for which more than half of the last samples of all recordings lie outside
-    the range of the earlier samples.
+    the range of the earlier samples. The pieces of a log are one recording, as in the split.
     """
     names: list[str] = []
     for name in done.inputs:
-        series = [one.columns[name] for one in done.recordings]
+        pieces: dict[str, list[Array]] = {}
+        for one in done.recordings:
+            pieces.setdefault(one.log or one.id, []).append(one.columns[name])
+        series = [np.concatenate(x) for x in pieces.values()]
         parts_of = [np.split(x, [round((1 - LAST) * len(x))]) for x in series]
         before, last = (np.concatenate(parts) for parts in zip(*parts_of, strict=True))
-        outside = (last < before.min()) | (last > before.max())
-        names += [name] if 2 * np.count_nonzero(outside) > outside.size else []
+        names += [name] if _is_beyond(before, last) else []
     return names
+
+
+def _leaves_range(name: str, recordings: Sequence[Recording], ids: Sequence[str]) -> bool:
+    """Return True if most samples of an input in the recordings `ids` lie outside its range in the
+    other recordings.
+    """
+    held, rest = (
+        [one.columns[name] for one in recordings if (one.id in ids) is is_held]
+        for is_held in (True, False)
+    )
+    return _is_beyond(np.concatenate(rest), np.concatenate(held))
+
+
+def _is_beyond(before: Array, last: Array) -> bool:
+    """Return True if more than half of the samples in `last` lie outside the range of `before`."""
+    outside = (last < before.min()) | (last > before.max())
+    return bool(2 * np.count_nonzero(outside) > outside.size)
 
 
 def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Section:

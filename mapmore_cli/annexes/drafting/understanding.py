@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -15,11 +15,13 @@ from mapmore_cli.annexes.drafting.columns import Table, TitledColumn
 from mapmore_cli.annexes.drafting.draft import Column, Named, address
 from mapmore_cli.annexes.drafting.finding import find
 from mapmore_cli.annexes.drafting.names import Condition, told_by_names
+from mapmore_cli.annexes.drafting.reading import some_of
 from mapmore_cli.annexes.drafting.studies import Study
 from mapmore_cli.checking.evidence import FEWEST, ROUNDING, same_signals
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.modelling.signals.sampling import correlation
+from mapmore_cli.study.units import can_convert
 
 FEWEST_SET_POINTS, SAME_SET_POINT = 3, 0.999
 """Fewest different numbers in names of files, and their correlation with the means of a column from
@@ -91,10 +93,13 @@ def understood(
     columns |= apart
     chosen = named_by_person(answers.target, table, "--target", columns)
     columns |= chosen
-    conditions, unused = _conditions_of(study, table, answers, columns)
+    titled = {name: one for name, one in columns.items() if name not in apart}
+    likely = [*chosen] or _target_by_titles(table, answers, titled, {}, has_input=True)
+    predicted = {columns[name].column for name in likely}
+    conditions, set_by, unused = _conditions_of(study, table, answers, columns, predicted)
     # if a person names inputs, the target depends on them
     has_input = bool(conditions or answers.inputs)
-    targets = [*chosen] or _target_by_titles(table, answers, columns, apart, has_input)
+    targets = [*chosen] or _target_by_titles(table, answers, titled, set_by, has_input)
     if not targets:
         raise refuse_choice(table, study.files[0].name, path, study.layout.is_map)
     if answers.inputs is None:
@@ -150,36 +155,46 @@ def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
 
 
 def _conditions_of(
-    study: Study, table: Table, answers: Answers, columns: Named
-) -> tuple[list[Condition], str]:
-    """Return the quantities whose values stand in names of files, and a remark about the numbers in
-    names that are not used. If a person names the inputs, a number without a unit is used only if
-    the person names it. It is not used either if a column measures the same quantity.
+    study: Study, table: Table, answers: Answers, columns: Named, predicted: Collection[Column]
+) -> tuple[list[Condition], set[Column], str]:
+    """Return the quantities whose values stand in names of files, the columns that measure such
+    quantities, and a remark about the numbers in names that are not used. If a person names the
+    inputs, a number without a unit is used only if the person names it. It is not used either if a
+    column measures the same quantity. A column that is probably to be `predicted` may depend on a
+    number without a unit, so it does not count as its measurement.
     """
     wanted = answers.inputs or {}
     renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
     measured = [one.quantity for one in _found(table, wanted)]  # names of known quantities
     conditions, unused = told_by_names(study.names, answers.hold, [*columns, *renamed, *measured])
     needed = {*wanted, answers.hold.name if answers.hold else ""}
-    for one in [one for one in conditions if not one.unit and one.quantity not in needed]:
-        if answers.inputs is not None:
+    set_by: set[Column] = set()
+    others = {key: one for key, one in table.items() if key not in predicted}
+    for one in [one for one in conditions if one.quantity not in needed]:
+        column = _measured(one, table if one.unit else others)
+        if answers.inputs is not None and not one.unit:
             why = "name it with --inputs to use it"
-        elif (column := _measured(one, table)) is not None:
+        elif answers.inputs is None and column is not None:
             why = f"the column {column.called} measures it"
+            set_by.add(column.column)
         else:
             continue
         conditions.remove(one)
         unused.append(f"{one.quantity} ({why})")
-    return conditions, f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
+    remark = f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
+    return conditions, set_by, remark
 
 
 def _measured(condition: Condition, table: Table) -> TitledColumn | None:
     """Return the column whose mean over each recording is a linear function of the number in the
     name of the recording, although the column varies far less within a recording than between two:
-    the number is then the set point of what the column measures. None if there is no such column.
+    the number is then the set point of what the column measures. If the number has a unit, the
+    column must have a unit of the same dimension. None if there is no such column.
     """
-    numbers = np.array(condition.values)
+    numbers = np.array(some_of(condition.values))
     for column in table.values():
+        if condition.unit and not (column.unit and can_convert(column.unit, condition.unit)):
+            continue
         if len(column.values) != len(numbers) or len(np.unique(numbers)) < FEWEST_SET_POINTS:
             continue
         means = np.array([np.mean(one) for one in column.values])
@@ -191,16 +206,17 @@ def _measured(condition: Condition, table: Table) -> TitledColumn | None:
 
 
 def _target_by_titles(
-    table: Table, answers: Answers, columns: Named, apart: Named, has_input: bool
+    table: Table, answers: Answers, columns: Named, set_by: Collection[Column], has_input: bool
 ) -> list[str]:
     """Return a list with the quantity to predict, or an empty list if the titles leave a choice.
-    If a person lists the columns, the names that the person gives are read instead of titles.
+    If a person lists the columns, the names that the person gives are read instead of titles. The
+    columns in `set_by` measure what was set, so they are not predicted.
     """
     titled = {} if answers.columns else table
     kinds = {
-        name: kind_to_predict(name, titled.get(one.column))
+        name: "drive" if one.column in set_by else kind_to_predict(name, titled.get(one.column))
         for name, one in columns.items()
-        if name not in ("time", *apart)
+        if name != "time"
     }
     target = target_of(kinds, has_input)
     return [] if target is None else [target]
