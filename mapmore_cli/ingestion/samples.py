@@ -52,7 +52,10 @@ class Samples(RawTable):
         losses = "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
         raise DataError(
             f"{self.label}: no sample is left ({losses})",
-            "Loosen `keep` or `missing`, or leave the file out.",
+            "Loosen `keep` or `missing`, or leave the file out. If every row lacks some columns, "
+            "for example because two sampling rates alternate, name the columns of one rate in "
+            "`columns`, and those of the other rate, with the time, in `join`, with the same file "
+            "and `missing: drop`.",
         )
 
     def with_columns(self, columns: Mapping[str, Array]) -> Samples:
@@ -114,15 +117,6 @@ def without_missing(samples: Samples, table: Logs, missing: str | MissingRule) -
             f"{samples.at(sample)}{place}: the value of {name} is missing",
             f"Set `missing: drop` to leave out such samples ({np.count_nonzero(~complete)} of "
             f"{len(complete)} in this file).",
-        )
-    filled = [np.isfinite(values).any() for values in samples.columns.values()]
-    if all(filled) and not complete.any() and samples.size:
-        raise DataError(
-            f"{samples.label}: no row has a value in every column ({samples.size} rows, although "
-            "no column is empty)",
-            "if rows of two loggers or rates alternate, name the columns of one rate in `columns`, and "
-            "those of the other rate, with the time, in `join` with the same file; otherwise leave "
-            "out a column",
         )
     return samples.keep(complete, "missing value").some()
 

@@ -338,6 +338,11 @@ def test_set_points_in_names_of_what_a_column_measures(numbers, means, wave, mea
     table = {0: column([5, 6], [6, 5]), 1: column(*([m - wave, m + wave] for m in means))}
     found = _measured(Condition("bag", "", numbers), table)
     assert found is (table[1] if measured else None)
+    table[1] = replace(table[1], quantity="force", unit="N")
+    assert _measured(Condition("bag", "", numbers), table) is None  # it may be predicted
+    assert _measured(Condition("pressure", "kPa", numbers), table) is None
+    many = tuple(np.repeat(numbers, 2))  # of six files, every second is looked at
+    assert _measured(Condition("load", "gf", many), table) is (table[1] if measured else None)
 
 
 @pytest.mark.parametrize(
@@ -550,6 +555,8 @@ def test_columns_become_quantities_with_reasons():
     assert (other.unit, other.sure) == ("1", True)
     clock = column(np.arange(5)).as_quantity("time")
     assert (clock.unit, clock.why[:23]) == ("ms", "it always increases: is")
+    angles = (column([0, turns * 2 * np.pi], unit="rad") for turns in (1.9, -2.1))
+    assert [one.as_quantity("bend").sure for one in angles] == [True, False]
     texts = column(title="day", texts=("a", "b")).as_quantity("day")
     assert (texts.unit, texts.texts) == ("1", True)
     assert column(title="day", texts=("a", "b", "c")).described == "day  3 texts, a to c"

@@ -146,7 +146,7 @@ def test_what_readers_stumble_over_is_named_in_the_draft(tmp_path):
     data = checked(draft, tmp_path).spec.data
     assert (data.missing, data.repeated_time) == ("drop", "spread")
     assert (data.delimiter, data.decimal, data.skip_rows) == (";", ",", 1)
-    assert "missing: drop  # 4 samples have an empty cell" in draft.text()
+    assert "missing: drop  # 4 rows have an empty cell" in draft.text()
 
 
 def test_a_backward_clock_is_left_out(tmp_path):

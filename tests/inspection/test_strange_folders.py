@@ -153,6 +153,14 @@ def test_a_copy_of_a_file_is_left_out_by_name(tmp_path):
     assert find_studies(tmp_path)[1] == []
 
 
+def test_files_that_were_recorded_for_a_sensor_are_left_out(tmp_path):
+    for number, name in enumerate(["pull", "Tare", "calibration_2"]):
+        write(tmp_path / f"{name}.csv", (T, T + number), "t [s],F [N]\n")
+    (study,), remarks = find_studies(tmp_path)
+    assert (len(study.files), len(remarks)) == (1, 2)
+    assert find_studies(tmp_path / "Tare.csv")[1] == []
+
+
 @pytest.mark.parametrize("copy", [".snapshot/bend.csv", "bend.bak", "old/run/bend.csv"])
 def test_a_copy_that_is_not_read_is_no_reason_to_leave_a_file_out(tmp_path, copy):
     """It is hidden, has no reader, or lies in the folder of a run."""

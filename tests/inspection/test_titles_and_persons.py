@@ -211,6 +211,15 @@ def test_names_tell_what_varies(names, hold, told):
         ("gap\uff08mm\uff09", "gap", "mm"),
         ("gap [in]", "gap", "in"),
         ("T1 [degC]", "T1", "degC"),
+        *(("vel_mm/s", "vel", "mm/s"), ("v m/s", "v", "m/s"), ("k_N/mm", "k", "N/mm")),
+        *(("Zeit t/s", "Zeit_t", "s"), ("Kraft F/N", "Kraft_F", "N"), ("a l/min", "a_l", "")),
+        *(("force/%Fmax", "force_Fmax", "%"), ("v at 50 %", "v_at_50", "")),
+        *(
+            ("millis", "millis", "ms"),
+            ("p (bar(a))", "p", "bara"),
+            ("P [kPa(a)]", "P", "kPa_abs"),
+            ("tau [N.m]", "tau", "N*m"),
+        ),
     ],
 )
 def test_indices_and_prepositions_are_no_units(title, name, unit):

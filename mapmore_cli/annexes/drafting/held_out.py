@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 
 from mapmore_cli.annexes.drafting.draft import Conditions, Draft, Section
 from mapmore_cli.annexes.drafting.experiment import Experiment, set_values
-from mapmore_cli.domain.arrays import Array
+from mapmore_cli.domain.arrays import BoolArray
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Recording
 
@@ -34,10 +35,11 @@ def with_split(
     levels, groups = draft.data.get("levels"), draft.data.get("groups", {})
     values = {levels["of"]: levels["at"]} if levels else done.conditions
     inside = {name: some for name, places in values.items() if (some := inner(sorted({*places})))}
-    in_order = [*done.recordings]
-    if done.held is not None:  # inner recordings then lie between the others
-        of = done.held.of
-        in_order.sort(key=lambda one: float(np.median(one.columns[of])))
+    # in the order of the levels, inner recordings lie between the others
+    of = done.held.of if done.held is not None else None
+    in_order = sorted(
+        done.recordings, key=lambda one: float(np.median(one.columns[of])) if of else 0
+    )
     logs = [*dict.fromkeys(one.log or one.id for one in in_order)]
     is_whole = len(logs) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
     way = wanted or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
@@ -73,21 +75,24 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
     inside the range of the earlier samples. Otherwise, inner values of a quantity that moves
     steadily are returned. If no quantity has enough values for that, samples are drawn at random.
     """
-    names = _beyond(done)
+    rows = Counter[str]()  # the pieces of a log are one recording
+    for one in done.recordings:
+        rows[one.log or one.id] += one.rows_kept
+    is_held = [np.arange(size) >= round((1 - LAST) * size) for size in rows.values()]
+    names = _beyond(done, np.concatenate(is_held))
     if not names:
         return {LAST_SAMPLES: LAST}, "between: the last samples of every recording"
     if not is_free:
         why = (
-            "beyond: the last samples of every recording, most of which lie outside the range of "
-            f"{', '.join(names)} in the samples before"
+            "beyond: the last samples of every recording, with "
+            f"{names} mostly outside the range of the samples before"
         )
         return {LAST_SAMPLES: LAST}, why
-    for name in names:
+    for name in names.split(", "):
         if values := inner(set_values(done.recordings, name)):
             return {name: values}, f"between: inner values, because {name} moves steadily"
-    share = {"fraction": SHARE, "seed": 1}
-    moving = f"{', '.join(names)} {'moves' if len(names) == 1 else 'move'} steadily"
-    return share, f"between: samples drawn at random, because {moving}"
+    why = f"between: samples drawn at random, because of steady movements ({names})"
+    return {"fraction": SHARE, "seed": 1}, why
 
 
 def _whole_recordings(done: Experiment, logs: Sequence[str]) -> tuple[Section, str]:
@@ -105,46 +110,24 @@ def _whole_recordings(done: Experiment, logs: Sequence[str]) -> tuple[Section, s
         held = logs[1:-1:3] or logs[1:]
         ids = [one.id for one in done.recordings if (one.log or one.id) in held]
         held_out = {WHOLE: ids}
-        names = [name for name in done.inputs if ids and _leaves_range(name, done.recordings, ids)]
-        if names:
-            why = (
-                "beyond: whole recordings, most samples of which lie outside the range of "
-                f"{', '.join(names)} in the others"
-            )
+        is_held = np.concatenate([np.full(one.rows_kept, one.id in ids) for one in done.recordings])
+        if names := _beyond(done, is_held):
+            why = f"beyond: whole recordings, with {names} mostly outside the range of the others"
     return (held_out if all(held_out.values()) else {}), why
 
 
-def _beyond(done: Experiment) -> list[str]:
-    """Return the inputs for which more than half of the last samples of all recordings lie outside
-    the range of the earlier samples. The pieces of a log are one recording, as in the split.
+def _beyond(done: Experiment, held: BoolArray) -> str:
+    """Return the names of the inputs for which more than half of the `held` samples lie outside the
+    range of the other samples; an empty text if there are none. `held`, (n,), is True for each
+    sample of all recordings that is held out.
     """
     names: list[str] = []
     for name in done.inputs:
-        pieces: dict[str, list[Array]] = {}
-        for one in done.recordings:
-            pieces.setdefault(one.log or one.id, []).append(one.columns[name])
-        series = [np.concatenate(x) for x in pieces.values()]
-        parts_of = [np.split(x, [round((1 - LAST) * len(x))]) for x in series]
-        before, last = (np.concatenate(parts) for parts in zip(*parts_of, strict=True))
-        names += [name] if _is_beyond(before, last) else []
-    return names
-
-
-def _leaves_range(name: str, recordings: Sequence[Recording], ids: Sequence[str]) -> bool:
-    """Return True if most samples of an input in the recordings `ids` lie outside its range in the
-    other recordings.
-    """
-    held, rest = (
-        [one.columns[name] for one in recordings if (one.id in ids) is is_held]
-        for is_held in (True, False)
-    )
-    return _is_beyond(np.concatenate(rest), np.concatenate(held))
-
-
-def _is_beyond(before: Array, last: Array) -> bool:
-    """Return True if more than half of the samples in `last` lie outside the range of `before`."""
-    outside = (last < before.min()) | (last > before.max())
-    return bool(2 * np.count_nonzero(outside) > outside.size)
+        values = np.concatenate([one.columns[name] for one in done.recordings])
+        rest, last = values[~held], values[held]
+        outside = (last < rest.min(initial=np.inf)) | (last > rest.max(initial=-np.inf))
+        names += [name] if 2 * np.count_nonzero(outside) > outside.size else []
+    return ", ".join(names)
 
 
 def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Section:

@@ -218,6 +218,7 @@ def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Dr
     line = ", ".join(["of: session", *(f"{effect}: true" for effect in effects)])
     how = (
         "; do they belong to different sessions? If so, use `--group session`, which writes "
-        f"`groups: {{{line}}}`"
+        f"`groups: {{{line}}}`. Or do the lines above the tables give a quantity that differs? If "
+        "so, write it beside each file, for example `set: {pressure: 200 kPa}`"
     )
     return draft.noted(("data", "reader"), apart.words() + how, sure=not apart.is_large)

@@ -88,7 +88,7 @@ def start(
                 if ask is not None:
                     raise
                 refusal = refusal or fault
-            how = "" if isinstance(fault, UsageError) or not fault.remedy else f"; {fault.remedy}"
+            how = "" if isinstance(fault, UsageError) or not fault.remedy else f": {fault.remedy}"
             remarks.append(f"{label}: {fault.message.splitlines()[0]}{how}")
         else:
             remarks += dict.fromkeys(one.bad_files for one in proposed if one.bad_files)

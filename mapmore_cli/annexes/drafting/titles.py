@@ -13,8 +13,9 @@ _BRACKETS = re.compile(r"[\[(]\s*((?<=\s[\[(])1(?=\s*[\])])|(?!\d+\s*[\])])[^\])
 HALF_WIDTH = str.maketrans("（）［］／％", "()[]/%")
 _BEHIND = re.compile(r"(?:[_,/]|\bin)\s*(?!\d+$)([^\s_,/]+)$")
 # A unit with a stroke. A single letter is often a symbol with its unit (`F/N`, `t/s`), except for N
-# and for rates such as `m/s`.
-_RATIO = re.compile(r"[\s_,](?!t/)((?:[^\W\d_]{2,}|N|[^\W\d_](?=/(?:s|min|h)$))/[^\s_,/]+)$")
+# and for rates such as `m/s`. The unit of a rate that is unknown, for example `l/min`, is no time.
+_RATIO = re.compile(r"[\s_,]((?:[^\W\d_]{2,}|N)/[^\s_,/]+)$")
+_RATE = re.compile(r"[\s_,](?!t/)([^\W\d_]+/(?:s|min|h))$")
 _SHARE = re.compile(r"(?<!\d)(?<!\d )%")
 
 
@@ -24,13 +25,14 @@ def units_in(title: str) -> list[str]:
     sign.
     """
     title = spell_pressures(title.translate(HALF_WIDTH))
-    return [one for form in (_BRACKETS, _RATIO, _BEHIND, _SHARE) for one in form.findall(title)]
+    last = _RATE if _RATE.search(title) else _BEHIND
+    return [one for form in (_BRACKETS, _RATIO, last, _SHARE) for one in form.findall(title)]
 
 
 def name_in(title: str) -> str:
     """Return a title without its unit, as a name: at most 40 letters, digits and `_`."""
     bare = _BRACKETS.sub(_unless_unit, spell_pressures(title.translate(HALF_WIDTH)))
-    bare = _BEHIND.sub(_unless_unit, _RATIO.sub(_unless_unit, bare))
+    bare = _BEHIND.sub(_unless_unit, _RATE.sub(_unless_unit, _RATIO.sub(_unless_unit, bare)))
     name = re.sub(r"\W+", "_", spelt(bare), flags=re.ASCII).strip("_")[:40]
     return f"column_{name}" if name[:1].isdigit() else name or "column"
 

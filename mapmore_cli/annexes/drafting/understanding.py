@@ -94,9 +94,7 @@ def understood(
     chosen = named_by_person(answers.target, table, "--target", columns)
     columns |= chosen
     titled = {name: one for name, one in columns.items() if name not in apart}
-    likely = [*chosen] or _target_by_titles(table, answers, titled, {}, has_input=True)
-    predicted = {columns[name].column for name in likely}
-    conditions, set_by, unused = _conditions_of(study, table, answers, columns, predicted)
+    conditions, set_by, unused = _conditions_of(study, table, answers, columns)
     # if a person names inputs, the target depends on them
     has_input = bool(conditions or answers.inputs)
     targets = [*chosen] or _target_by_titles(table, answers, titled, set_by, has_input)
@@ -117,7 +115,9 @@ def understood(
         raise UsageError(
             f"{study.files[0].name}: no column is left that can be an input of a "
             f"model of {targets[0]}",
-            "name the inputs with --inputs, or the quantity that was held constant with --hold",
+            "name the inputs with --inputs, or the quantity that was held constant with --hold; if "
+            "each row holds the value of another quantity, first make a table with a column for "
+            "each quantity",
         )
     used = dict.fromkeys(["time", *apart, *inputs, *targets, group])
     columns = {name: columns[name] for name in used if name in columns}
@@ -155,13 +155,12 @@ def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
 
 
 def _conditions_of(
-    study: Study, table: Table, answers: Answers, columns: Named, predicted: Collection[Column]
+    study: Study, table: Table, answers: Answers, columns: Named
 ) -> tuple[list[Condition], set[Column], str]:
     """Return the quantities whose values stand in names of files, the columns that measure such
     quantities, and a remark about the numbers in names that are not used. If a person names the
     inputs, a number without a unit is used only if the person names it. It is not used either if a
-    column measures the same quantity. A column that is probably to be `predicted` may depend on a
-    number without a unit, so it does not count as its measurement.
+    column measures the same quantity.
     """
     wanted = answers.inputs or {}
     renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
@@ -169,9 +168,8 @@ def _conditions_of(
     conditions, unused = told_by_names(study.names, answers.hold, [*columns, *renamed, *measured])
     needed = {*wanted, answers.hold.name if answers.hold else ""}
     set_by: set[Column] = set()
-    others = {key: one for key, one in table.items() if key not in predicted}
     for one in [one for one in conditions if one.quantity not in needed]:
-        column = _measured(one, table if one.unit else others)
+        column = _measured(one, table)
         if answers.inputs is not None and not one.unit:
             why = "name it with --inputs to use it"
         elif answers.inputs is None and column is not None:
@@ -189,13 +187,19 @@ def _measured(condition: Condition, table: Table) -> TitledColumn | None:
     """Return the column whose mean over each recording is a linear function of the number in the
     name of the recording, although the column varies far less within a recording than between two:
     the number is then the set point of what the column measures. If the number has a unit, the
-    column must have a unit of the same dimension. None if there is no such column.
+    column must have a unit of the same dimension; if it has none, the column must be no force and
+    no position, because these may depend on the number. None if there is no such column.
     """
     numbers = np.array(some_of(condition.values))
     for column in table.values():
-        if condition.unit and not (column.unit and can_convert(column.unit, condition.unit)):
-            continue
-        if len(column.values) != len(numbers) or len(np.unique(numbers)) < FEWEST_SET_POINTS:
+        is_other = column.kind in ("force", "position")
+        if condition.unit:
+            is_other = not column.unit or not can_convert(column.unit, condition.unit)
+        if (
+            is_other
+            or len(column.values) != len(numbers)
+            or len(np.unique(numbers)) < FEWEST_SET_POINTS
+        ):
             continue
         means = np.array([np.mean(one) for one in column.values])
         within = max(np.std(one) for one in column.values)

@@ -34,13 +34,6 @@ def spikes_in(subject: Subject) -> Issues:
             if not rows.size:
                 continue
             first, unit = int(rows[0]), subject.units[name]
-            same = {f"{value:.6g}" for value in values[rows]} if len(rows) > 1 else set()
-            mark = (
-                "if it stands for a missing value, write it as in the file: `missing: {tokens: "
-                f"['{same.pop()}']}}`; "
-                if len(same) == 1
-                else ""
-            )
             between = f"between {values[first - 1]:.6g} and {values[first + 1]:.6g} {unit}".rstrip()
             yield Issue(
                 "warning",
@@ -48,8 +41,9 @@ def spikes_in(subject: Subject) -> Issues:
                 subject.source(name),
                 f"{_first_of(subject, recording, rows)}: {name} is {values[first]:.6g} in "
                 f"one sample only, {between}",
-                f"{mark}if the value is wrong, leave it out (`keep: "
-                f"[{{quantity: {name}, above: ...}}]`) or empty its cell; if it was really "
+                "if the value is wrong, leave it out (`keep: "
+                f"[{{quantity: {name}, above: ...}}]`) or empty its cell; if it stands for a "
+                "missing value, write `missing: {tokens: [...]}` with the number; if it was really "
                 "measured, do nothing",
                 "data",
             )

@@ -53,7 +53,7 @@ def _pull(recording: Recording) -> float:
     """
     above = below = 0.0
     for (x,) in in_blocks(recording.columns["force"]):
-        x = np.clip(x, *np.quantile(x, (LITTLE, 1 - LITTLE), method="higher"))
+        x = np.clip(x, *np.quantile(x, (LITTLE, 1 - LITTLE), method="nearest"))
         above += float(np.sum(x[x > 0] ** 2))
         below += float(np.sum(x[x < 0] ** 2))
     return above / (above + below) if below else 1.0
