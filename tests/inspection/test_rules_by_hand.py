@@ -322,3 +322,19 @@ def test_a_target_that_is_a_line_of_a_column_in_each_recording(error, told):
     assert pairs._slope_of_line(wave[:29], 3 * wave[:29]) is None
     assert pairs._slope_of_line(wave[:30], 3 * wave[:30]) == pytest.approx(3)
     assert pairs._slope_of_line(np.ones(40), wave[:40]) is None
+
+
+@pytest.mark.parametrize(
+    ("effect", "line"),
+    [
+        (lambda y: 0.6 * y, "`data.groups: {of: session, gain: true}` and "),
+        (lambda y: y + 1, "`data.groups: {of: session, offset: true}` and "),
+        (lambda y: 0.6 * y + 5, "`data.groups: {of: session, offset: true, gain: true}` and "),
+        (lambda y: y[::-1], ""),
+    ],
+)
+def test_a_difference_between_sessions_is_told_with_what_explains_it(effect, line):
+    u = np.sin(np.arange(60.0)) + 2
+    both = subject_of({"u": u, "force": u}, {"u": u, "force": effect(u)})
+    (issue,) = pairs.untold_difference(both)
+    assert issue.remedy.startswith(f"write {line}`set: {{session: 1}}`")

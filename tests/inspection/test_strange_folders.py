@@ -125,6 +125,10 @@ def test_files_of_office_programs_are_passed_over(tmp_path):
         (tmp_path / name).write_bytes(b"x")
     (study,), left_out = find_studies(tmp_path)
     assert (study.names, left_out) == (["log"], [])
+    write(tmp_path / "Calibration_2.csv", (T, T), "kg,V\n")
+    (study,), left_out = find_studies(tmp_path)
+    assert (study.names, len(left_out)) == (["log"], 1)
+    assert find_studies(tmp_path / "Calibration_2.csv")[1] == []
 
 
 def test_a_copy_in_another_folder_is_named_with_its_folder(tmp_path):
@@ -151,14 +155,6 @@ def test_a_copy_of_a_file_is_left_out_by_name(tmp_path):
     os.utime(copy, ns=(0, 0))
     os.utime(tmp_path / "bend_1.csv", ns=(0, 0))
     assert find_studies(tmp_path)[1] == []
-
-
-def test_files_that_were_recorded_for_a_sensor_are_left_out(tmp_path):
-    for number, name in enumerate(["pull", "Tare", "calibration_2"]):
-        write(tmp_path / f"{name}.csv", (T, T + number), "t [s],F [N]\n")
-    (study,), remarks = find_studies(tmp_path)
-    assert (len(study.files), len(remarks)) == (1, 2)
-    assert find_studies(tmp_path / "Tare.csv")[1] == []
 
 
 @pytest.mark.parametrize("copy", [".snapshot/bend.csv", "bend.bak", "old/run/bend.csv"])

@@ -130,7 +130,7 @@ def test_of_a_target_neither_copies_nor_what_computes_it_are_inputs(tmp_path):
     write(tmp_path / "a.csv", {name: values + 1e-9 * T for name, values in columns.items()})
     draft = drafted(tmp_path, answers=answers_of(target="torque"))
     assert list(draft.data["columns"]) == ["u", "q", "torque"]
-    assert "left out: sensor (is a copy of torque" in draft.text()
+    assert "left out: sensor (is a linear function of torque" in draft.text()
     assert "late (gives, through a linear filter, torque" in draft.text()
     draft = drafted(tmp_path, answers=answers_of(target="torque", inputs="sensor"))
     assert list(draft.data["columns"]) == ["sensor", "torque"]

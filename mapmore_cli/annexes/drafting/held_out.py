@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
 
 from mapmore_cli.annexes.drafting.draft import Conditions, Draft, Section
 from mapmore_cli.annexes.drafting.experiment import Experiment, set_values
-from mapmore_cli.domain.arrays import BoolArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Recording
 
@@ -28,7 +27,7 @@ def with_split(
     the first possibility in this list is used: inner levels; inner values from names of files;
     whole recordings; the last samples of each recording. If the study has no memory and the last
     samples lie outside the range of the others, other samples are used instead of them. The note
-    says whether the held-out data lie between or outside the training data.
+    says whether held-out levels, values or samples lie between or outside the training data.
 
     Raises UsageError if the data that a person names cannot be held out.
     """
@@ -47,7 +46,7 @@ def with_split(
     if way == LAST_SAMPLES:
         held_out, why = _last_or_between(done, is_free=wanted is None and not has_memory)
     elif way == WHOLE:
-        held_out, why = _whole_recordings(done, logs)
+        held_out, why = _whole_recordings(done, logs), "whole recordings"
     else:
         places = inside.get(way) or _band(way, done.recordings, values)
         held_out, why = {way: places} if places else {}, "between: inner values"
@@ -75,33 +74,28 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
     inside the range of the earlier samples. Otherwise, inner values of a quantity that moves
     steadily are returned. If no quantity has enough values for that, samples are drawn at random.
     """
-    rows = Counter[str]()  # the pieces of a log are one recording
-    for one in done.recordings:
-        rows[one.log or one.id] += one.rows_kept
-    is_held = [np.arange(size) >= round((1 - LAST) * size) for size in rows.values()]
-    names = _beyond(done, np.concatenate(is_held))
+    names = _beyond(done)
     if not names:
         return {LAST_SAMPLES: LAST}, "between: the last samples of every recording"
     if not is_free:
         why = (
             "beyond: the last samples of every recording, with "
-            f"{names} mostly outside the range of the samples before"
+            f"{', '.join(names)} mostly outside the range of the samples before"
         )
         return {LAST_SAMPLES: LAST}, why
-    for name in names.split(", "):
+    for name in names:
         if values := inner(set_values(done.recordings, name)):
             return {name: values}, f"between: inner values, because {name} moves steadily"
-    why = f"between: samples drawn at random, because of steady movements ({names})"
+    why = f"between: samples drawn at random, because of steady movements ({', '.join(names)})"
     return {"fraction": SHARE, "seed": 1}, why
 
 
-def _whole_recordings(done: Experiment, logs: Sequence[str]) -> tuple[Section, str]:
-    """Return the recordings to hold out, and the reason: every third log except the first and the
-    last or, if there are only two logs, the second. If a log was cut into pieces, all its pieces
-    are held out. If the recordings differ in the value of a single quantity, every third of these
-    values is held out instead.
+def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
+    """Return the recordings to hold out: every third log except the first and the last or, if there
+    are only two logs, the second. If a log was cut into pieces, all its pieces are held out. If the
+    recordings differ in the value of a single quantity, every third of these values is held out
+    instead.
     """
-    why = "between: whole recordings"
     if len(done.apart) == 1:
         name = done.apart[0]
         values = sorted({float(one.columns[name][0]) for one in done.recordings})
@@ -110,24 +104,24 @@ def _whole_recordings(done: Experiment, logs: Sequence[str]) -> tuple[Section, s
         held = logs[1:-1:3] or logs[1:]
         ids = [one.id for one in done.recordings if (one.log or one.id) in held]
         held_out = {WHOLE: ids}
-        is_held = np.concatenate([np.full(one.rows_kept, one.id in ids) for one in done.recordings])
-        if names := _beyond(done, is_held):
-            why = f"beyond: whole recordings, with {names} mostly outside the range of the others"
-    return (held_out if all(held_out.values()) else {}), why
+    return held_out if all(held_out.values()) else {}
 
 
-def _beyond(done: Experiment, held: BoolArray) -> str:
-    """Return the names of the inputs for which more than half of the `held` samples lie outside the
-    range of the other samples; an empty text if there are none. `held`, (n,), is True for each
-    sample of all recordings that is held out.
+def _beyond(done: Experiment) -> list[str]:
+    """Return the inputs for which more than half of the last samples of all recordings lie outside
+    the range of the earlier samples. The pieces of a log are one recording, as in the split.
     """
     names: list[str] = []
     for name in done.inputs:
-        values = np.concatenate([one.columns[name] for one in done.recordings])
-        rest, last = values[~held], values[held]
-        outside = (last < rest.min(initial=np.inf)) | (last > rest.max(initial=-np.inf))
+        series: dict[str, list[Array]] = {}
+        for one in done.recordings:
+            series.setdefault(one.log or one.id, []).append(one.columns[name])
+        whole = [*map(np.concatenate, series.values())]
+        parts_of = [np.split(x, [round((1 - LAST) * len(x))]) for x in whole]
+        before, last = (np.concatenate(parts) for parts in zip(*parts_of, strict=True))
+        outside = (last < before.min()) | (last > before.max())
         names += [name] if 2 * np.count_nonzero(outside) > outside.size else []
-    return ", ".join(names)
+    return names
 
 
 def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Section:

@@ -139,20 +139,18 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     every = [path] if path.is_file() else [*inside]
     readable = [file for file in every if file == path or reader_of(file) is not None]
     copies = _copies(readable)  # a copy of an unreadable file need not be found
-    aside = {file for file in readable if _FOR_SENSORS & {*words(stem_of(file.name))}}
-    aside = set() if len(aside) == len(readable) else aside
-    layouts, faults = _layouts_of([one for one in readable if one not in aside | copies.keys()])
     root = path if path.is_dir() else path.parent
     names = {file: relative_name(file, root) for file in readable}
     bad = {
-        file: f"{names[file]}: was recorded for a sensor, as its name says; write what it tells as "
-        "`scale` and `offset` of a column, or rename it if it is a test"
-        for file in aside
-    }
-    bad |= {
         copy: f"{names[copy]}: has the same contents as {names[file]}"
         for copy, file in copies.items()
+    } | {
+        file: f"{names[file]}: was recorded for a sensor, as its name says; write what it shows as "
+        "`scale` and `offset` of a column, or rename it if it is a test"
+        for file in readable
+        if file != path and _FOR_SENSORS & {*words(stem_of(file.name))}
     }
+    layouts, faults = _layouts_of([file for file in readable if file not in bad])
     bad |= faults
     others = {file: why for file in {*every} - {*readable} if (why := unread(file))}
     studies = [replace(one, bad=bad) for one in _joined(layouts)]

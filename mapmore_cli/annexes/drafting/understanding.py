@@ -93,11 +93,11 @@ def understood(
     columns |= apart
     chosen = named_by_person(answers.target, table, "--target", columns)
     columns |= chosen
-    titled = {name: one for name, one in columns.items() if name not in apart}
-    conditions, set_by, unused = _conditions_of(study, table, answers, columns)
+    conditions, measured, unused = _conditions_of(study, table, answers, columns)
     # if a person names inputs, the target depends on them
-    has_input = bool(conditions or answers.inputs)
-    targets = [*chosen] or _target_by_titles(table, answers, titled, set_by, has_input)
+    has_input = bool(conditions or measured or answers.inputs)
+    ignored = ["time", *apart, *measured]
+    targets = [*chosen] or _target_by_titles(table, answers, columns, ignored, has_input)
     if not targets:
         raise refuse_choice(table, study.files[0].name, path, study.layout.is_map)
     if answers.inputs is None:
@@ -156,31 +156,31 @@ def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
 
 def _conditions_of(
     study: Study, table: Table, answers: Answers, columns: Named
-) -> tuple[list[Condition], set[Column], str]:
-    """Return the quantities whose values stand in names of files, the columns that measure such
-    quantities, and a remark about the numbers in names that are not used. If a person names the
-    inputs, a number without a unit is used only if the person names it. It is not used either if a
-    column measures the same quantity.
+) -> tuple[list[Condition], list[str], str]:
+    """Return the quantities whose values stand in names of files, the names of the columns that
+    measure such quantities, and a remark about the numbers in names that are not used. If a person
+    names the inputs, a number without a unit is used only if the person names it. If a person does
+    not, no number is used that a column measures.
     """
     wanted = answers.inputs or {}
     renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
     measured = [one.quantity for one in _found(table, wanted)]  # names of known quantities
     conditions, unused = told_by_names(study.names, answers.hold, [*columns, *renamed, *measured])
     needed = {*wanted, answers.hold.name if answers.hold else ""}
-    set_by: set[Column] = set()
+    measured_by: list[str] = []
     for one in [one for one in conditions if one.quantity not in needed]:
         column = _measured(one, table)
         if answers.inputs is not None and not one.unit:
             why = "name it with --inputs to use it"
         elif answers.inputs is None and column is not None:
             why = f"the column {column.called} measures it"
-            set_by.add(column.column)
+            measured_by += [name for name, at in columns.items() if at.column == column.column]
         else:
             continue
         conditions.remove(one)
         unused.append(f"{one.quantity} ({why})")
     remark = f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
-    return conditions, set_by, remark
+    return conditions, measured_by, remark
 
 
 def _measured(condition: Condition, table: Table) -> TitledColumn | None:
@@ -210,17 +210,17 @@ def _measured(condition: Condition, table: Table) -> TitledColumn | None:
 
 
 def _target_by_titles(
-    table: Table, answers: Answers, columns: Named, set_by: Collection[Column], has_input: bool
+    table: Table, answers: Answers, columns: Named, ignored: Collection[str], has_input: bool
 ) -> list[str]:
     """Return a list with the quantity to predict, or an empty list if the titles leave a choice.
     If a person lists the columns, the names that the person gives are read instead of titles. The
-    columns in `set_by` measure what was set, so they are not predicted.
+    quantities in `ignored` are not predicted: the time, and what was set or counted.
     """
     titled = {} if answers.columns else table
     kinds = {
-        name: "drive" if one.column in set_by else kind_to_predict(name, titled.get(one.column))
+        name: kind_to_predict(name, titled.get(one.column))
         for name, one in columns.items()
-        if name != "time"
+        if name not in ignored
     }
     target = target_of(kinds, has_input)
     return [] if target is None else [target]
@@ -269,7 +269,7 @@ def _free(
             is_copy = same_signals([np.concatenate(one.values) for one in (candidate, wanted)])
             if is_copy or (len(free) > 1 and _is_filtered(candidate.values, wanted.values)):
                 free.remove(name)
-                how = "is a copy of" if is_copy else "gives, through a linear filter,"
+                how = "is a linear function of" if is_copy else "gives, through a linear filter,"
                 left_out[candidate.column] = f"{how} {target}; name it with --inputs to use it"
     return free
 
