@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -167,31 +167,33 @@ def _conditions_of(
     measured = [one.quantity for one in _found(table, wanted)]  # names of known quantities
     conditions, unused = told_by_names(study.names, answers.hold, [*columns, *renamed, *measured])
     needed = {*wanted, answers.hold.name if answers.hold else ""}
-    measured_by: list[str] = []
+    read = {name: table[column.column] for name, column in columns.items()}
+    measuring: list[str] = []
     for one in [one for one in conditions if one.quantity not in needed]:
-        column = _measured(one, table)
+        name = _measured(one, read)
         if answers.inputs is not None and not one.unit:
             why = "name it with --inputs to use it"
-        elif answers.inputs is None and column is not None:
-            why = f"the column {column.called} measures it"
-            measured_by += [name for name, at in columns.items() if at.column == column.column]
+        elif answers.inputs is None and name is not None:
+            why = f"the column {read[name].called} measures it"
+            measuring.append(name)
         else:
             continue
         conditions.remove(one)
         unused.append(f"{one.quantity} ({why})")
     remark = f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
-    return conditions, measured_by, remark
+    return conditions, measuring, remark
 
 
-def _measured(condition: Condition, table: Table) -> TitledColumn | None:
-    """Return the column whose mean over each recording is a linear function of the number in the
-    name of the recording, although the column varies far less within a recording than between two:
-    the number is then the set point of what the column measures. If the number has a unit, the
-    column must have a unit of the same dimension; if it has none, the column must be no force and
-    no position, because these may depend on the number. None if there is no such column.
+def _measured(condition: Condition, columns: Mapping[str, TitledColumn]) -> str | None:
+    """Return the name of the column whose mean over each recording is a linear function of the
+    number in the name of the recording, although the column varies far less within a recording than
+    between two: the number is then the set point of what the column measures. If the number has a
+    unit, the column must have a unit of the same dimension. If the number has none, the column must
+    be no force and no position, because these may depend on the number. Return None if there is no
+    such column.
     """
     numbers = np.array(some_of(condition.values))
-    for column in table.values():
+    for name, column in columns.items():
         is_other = column.kind in ("force", "position")
         if condition.unit:
             is_other = not column.unit or not can_convert(column.unit, condition.unit)
@@ -205,7 +207,7 @@ def _measured(condition: Condition, table: Table) -> TitledColumn | None:
         within = max(np.std(one) for one in column.values)
         gap = np.diff(np.sort(means)).max()
         if within < gap / 4 and abs(correlation(numbers, means)) > SAME_SET_POINT:
-            return column
+            return name
     return None
 
 
