@@ -237,8 +237,7 @@ def _wrapped(note: Note, margin: str) -> list[str]:
 
 def range_of(values: Sequence[Array], unit: str = "1") -> str:
     """Return a text with the smallest and the largest of some values."""
-    # adding zero makes -0.0 positive
-    low, high = min(one.min() for one in values) + 0.0, max(one.max() for one in values) + 0.0
+    low, high = min(one.min() for one in values), max(one.max() for one in values)
     return f"{low:.4g} to {high:.4g}{'' if unit == '1' else f' {unit}'}"
 
 

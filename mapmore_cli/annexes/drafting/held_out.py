@@ -35,7 +35,7 @@ def with_split(
     values = {levels["of"]: levels["at"]} if levels else done.conditions
     inside = {name: some for name, places in values.items() if (some := inner(sorted({*places})))}
     # in the order of the levels, inner recordings lie between the others
-    of = done.held.of if done.held is not None else None
+    of = done.held.of if done.held else None
     in_order = sorted(
         done.recordings, key=lambda one: float(np.median(one.columns[of])) if of else 0
     )

@@ -194,8 +194,10 @@ class _Proposal:
         if not answers.hold:
             yield from offers_of(self.study.names)
         rows = max((len(x) for one in self.table.values() for x in one.values), default=0)
-        has_clock = "time" in draft.data["columns"] or "sample_time" in draft.data
-        if not has_clock and not answers.no_clock and "levels" not in draft.data and rows >= FEWEST:
+        # the rows of a map have no order
+        has_clock = "time" in draft.data["columns"] or self.study.layout.is_map
+        keys = {"sample_time", "levels"}
+        if not (has_clock or answers.no_clock) and keys.isdisjoint(draft.data) and rows >= FEWEST:
             yield (
                 "no column is a clock, so the order of the rows is not used; if the time from row "
                 "to row is constant, write it, for example `--sample-time 10ms`, so that the model "

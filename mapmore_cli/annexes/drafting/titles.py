@@ -12,10 +12,9 @@ _BRACKETS = re.compile(r"[\[(]\s*((?<=\s[\[(])1(?=\s*[\])])|(?!\d+\s*[\])])[^\])
 # brackets and signs of Chinese and Japanese texts are replaced by the ASCII characters
 HALF_WIDTH = str.maketrans("（）［］／％", "()[]/%")
 _BEHIND = re.compile(r"(?:[_,/]|\bin)\s*(?!\d+$)([^\s_,/]+)$")
-# A unit with a stroke. A single letter is often a symbol with its unit (`F/N`, `t/s`), except for N
-# and for rates such as `m/s`. The unit of a rate that is unknown, for example `l/min`, is no time.
-_RATIO = re.compile(r"[\s_,]((?:[^\W\d_]{2,}|N)/[^\s_,/]+)$")
-_RATE = re.compile(r"[\s_,](?!t/)([^\W\d_]+/(?:s|min|h))$")
+# the unit of a rate or of a stiffness, which is no time and no length, even if it is unknown, as
+# `l/min` is; other words before a stroke are symbols with their unit, for example `t/s` and `F/N`
+_RATIO = re.compile(r"[\s_,](?!t/)([^\W\d_]+/(?:s|min|h)|N/m+)$")
 _SHARE = re.compile(r"(?<!\d)(?<!\d )%")
 
 
@@ -25,14 +24,14 @@ def units_in(title: str) -> list[str]:
     sign.
     """
     title = spell_pressures(title.translate(HALF_WIDTH))
-    last = _RATE if _RATE.search(title) else _BEHIND
-    return [one for form in (_BRACKETS, _RATIO, last, _SHARE) for one in form.findall(title)]
+    last = _RATIO if _RATIO.search(title) else _BEHIND
+    return [one for form in (_BRACKETS, last, _SHARE) for one in form.findall(title)]
 
 
 def name_in(title: str) -> str:
     """Return a title without its unit, as a name: at most 40 letters, digits and `_`."""
     bare = _BRACKETS.sub(_unless_unit, spell_pressures(title.translate(HALF_WIDTH)))
-    bare = _BEHIND.sub(_unless_unit, _RATE.sub(_unless_unit, _RATIO.sub(_unless_unit, bare)))
+    bare = _BEHIND.sub(_unless_unit, _RATIO.sub(_unless_unit, bare))
     name = re.sub(r"\W+", "_", spelt(bare), flags=re.ASCII).strip("_")[:40]
     return f"column_{name}" if name[:1].isdigit() else name or "column"
 
