@@ -26,7 +26,7 @@ from mapmore_cli.storage.run_record import holds_results
 from mapmore_cli.study.loader import SCHEMA
 from mapmore_cli.study.units import CANONICAL
 
-_FOR_SENSORS = {"tare", "tara", "calibration", "calib", "kalibrierung", "nullpunkt"}
+_FOR_SENSORS = {"tare", "tara", "calibration", "kalibrierung"}
 """Words in names of files that were recorded to find the zero or the scale of a sensor."""
 
 
