@@ -22,14 +22,15 @@ _WORDS = {
     "force": "f force kraft tension pull loadcell effort fuerza forza força kracht сила усилие 力"
     " 拉力 推力",
     "displacement": "d x disp displacement position pos stroke extension elongation travel weg"
-    " déplacement deplacement desplazamiento spostamento verplaatsing перемещение 位移 変位",
+    " shortening déplacement deplacement desplazamiento spostamento verplaatsing перемещение 位移"
+    " 変位",
     "length": "l len length länge laenge longueur longitud lunghezza lengte длина 长度",
     "load": "load weight mass",
     "input": "u v input voltage valve duty pwm dac regulator solenoid pump",
 }
 _OF_WORD = {word: quantity for quantity, words in _WORDS.items() for word in words.split()}
 _WORD = re.compile(r"%|[^\W\d_]+|\d+")
-_TOKEN = re.compile(r"%|[^\W_][^\s_()\[\],;:%-]*")
+_TOKEN = re.compile(r"%|[^\W_][^\s_()\[\],;:%-]*(?:(?<=Pa)_abs)?")
 _COMMANDS = {
     *("cmd", "command", "setpoint", "set", "desired", "demand", "reference", "ref"),
     *("simulated", "simulation", "sim"),
@@ -72,7 +73,7 @@ def read_label(name: str) -> ColumnTitle | None:
         long = (word for word in _TOKEN.findall(apart) if len(word) > len("Pa"))
         unit = unit_in("pressure", " ".join(long))
         return ColumnTitle("pressure", unit, plain=False) if unit else None
-    behind = apart[named[0][1] :] if named else ""
+    behind = spell_pressures(apart[named[0][1] :]) if named else ""
     unit = unit_in(quantity, behind)
     is_plain = named[:1] == parts[:1] and len(_TOKEN.findall(behind)) == (unit is not None)
     return ColumnTitle(quantity, unit, is_plain)

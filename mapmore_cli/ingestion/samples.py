@@ -52,7 +52,10 @@ class Samples(RawTable):
         losses = "; ".join(f"{len(rows)}: {reason}" for reason, rows in self.left_out.items())
         raise DataError(
             f"{self.label}: no sample is left ({losses})",
-            "Loosen `keep` or `missing`, or leave the file out.",
+            "Loosen `keep` or `missing`, or leave the file out. If every row lacks some columns, "
+            "for example because two sampling rates alternate, name the columns of one rate in "
+            "`columns`, and those of the other rate, with the time, in `join`, with the same file "
+            "and `missing: drop`.",
         )
 
     def with_columns(self, columns: Mapping[str, Array]) -> Samples:

@@ -107,12 +107,13 @@ def _metrics(scores: Sequence[Score], unit: str) -> tuple[list[Column | str], li
     left out.
     """
     shown = {
-        one.heading.replace("UNIT", unit): name
+        one.heading: name
         for name, one in MEASURES.items()
         if one.heading and (one.shown is None or any(map(one.shown, scores)))
     }
     rows: list[Cells] = [(s.model, s.split, *cells_of(s, shown)) for s in scores]
-    return [MODEL, "data", *shown], rows
+    # only now, because `cells_of` converts fractions to the unit `%`, and a target may have it
+    return [MODEL, "data", *(heading.replace("UNIT", unit) for heading in shown)], rows
 
 
 EQUAL_WITHIN = 0.01

@@ -106,7 +106,7 @@ _SPELLINGS = {
         "g": "gram, grams",
         "kg": "kilogram, kilograms",
         "um": "µm, μm",
-        "N*m": "N m",
+        "N*m": "N m, N.m, N-m",
         "degC": "°c, deg c, celsius",
         "degF": "°f, deg f, fahrenheit",
         "deg": "°, degree, degrees",

@@ -157,7 +157,7 @@ def test_reasons_why_columns_are_left_out():
         (column(np.arange(40), title="n", place=6), "counts its rows"),
         (column(0.3 * np.arange(40), place=7), "always increases"),
         (column(wave + 1, title="a", place=8), ""),
-        (column(wave + 1, title="b", place=10), "is a copy of a"),
+        (column(wave + 1, title="b", place=10), "is a linear function of a"),
     ]
     columns, left_out = known_by_titles({one.column: one for one, _ in [(time, ""), *others]})
     assert [*columns] == ["time", "a"]
@@ -223,7 +223,7 @@ def test_of_two_copies_the_one_whose_title_says_more_is_kept():
                 for k, (title, quantity, unit, is_plain) in enumerate(order)
             ]
             _, left_out = known(*copies)
-            assert left_out == {said[0][0]: f"is a copy of {said[1][0]}"}
+            assert left_out == {said[0][0]: f"is a linear function of {said[1][0]}"}
     # a force and a position that look alike are both kept
     force, strain = (column(WAVE, title=one, quantity=one, unit="1") for one in ("force", "strain"))
     assert known(force, strain)[1] == {}
@@ -335,15 +335,21 @@ def test_conditions_are_in_the_units_of_models():
     ],
 )
 def test_set_points_in_names_of_what_a_column_measures(numbers, means, wave, measured):
-    table = {0: column([5, 6], [6, 5]), 1: column(*([m - wave, m + wave] for m in means))}
-    found = _measured(Condition("bag", "", numbers), table)
-    assert found is (table[1] if measured else None)
+    table = {"x": column([5, 6], [6, 5]), "y": column(*([m - wave, m + wave] for m in means))}
+    name = "y" if measured else None
+    assert _measured(Condition("bag", "", numbers), table) == name
+    table["y"] = replace(table["y"], quantity="force", unit="N")
+    many = tuple(np.repeat(numbers, 2))  # of six files, every second is looked at
+    assert _measured(Condition("load", "gf", many), table) == name
+    assert _measured(Condition("bag", "", numbers), table) is None  # the force may be predicted
 
 
 @pytest.mark.parametrize(
     ("names", "words_of_offer"),
     [
         (["P100", "P200", "P400", "P500", "P600"], "P100 P200 P400 P500 ..."),
+        (["P100_s1", "P200_s1", "P100_s2", "P200_s2"], "`--hold pressure=P:kPa`"),
+        (["F10", "F20", "F50"], "`--hold force=F:N`"),
         (["P1", "P2", "P3"], ""),
         (["P100", "P200", "Q"], ""),
         (["P100kPa", "P200kPa"], ""),
@@ -353,7 +359,7 @@ def test_set_points_in_names_of_what_a_column_measures(numbers, means, wave, mea
 def test_letters_with_numbers_are_offered_as_levels(names, words_of_offer):
     offers = [*offers_of(names)]
     assert len(offers) == bool(words_of_offer)
-    assert all(words_of_offer in one and "--hold pressure=P:kPa" in one for one in offers)
+    assert all(words_of_offer in one for one in offers)
 
 
 def test_groups_by_the_number_behind_their_word_then_the_letter_then_the_words():
@@ -550,6 +556,7 @@ def test_columns_become_quantities_with_reasons():
     assert (other.unit, other.sure) == ("1", True)
     clock = column(np.arange(5)).as_quantity("time")
     assert (clock.unit, clock.why[:23]) == ("ms", "it always increases: is")
+    assert not column([0, -12.6], unit="rad").as_quantity("bend").sure  # more than two turns
     texts = column(title="day", texts=("a", "b")).as_quantity("day")
     assert (texts.unit, texts.texts) == ("1", True)
     assert column(title="day", texts=("a", "b", "c")).described == "day  3 texts, a to c"

@@ -124,18 +124,6 @@ def test_the_held_strain_in_the_names_of_files(tmp_path):
     assert "numbers not used: run 1" in draft.text()
 
 
-def test_one_folder_a_test_is_one_study(tmp_path):
-    """Each folder was a study of one recording."""
-    for k, stamp in enumerate(("2031-05-04_101112_run", "2031-05-04_101305_run", "test_9")):
-        p = 150 + 100 * np.sin(2 * T + k) + 40 * np.sin(0.3 * T * (k + 1))
-        columns = {"time_s": T, "pressure_kPa": p, "position_mm": np.sqrt(p)}
-        write(tmp_path / "rig" / stamp / "log.csv", columns)
-    draft = drafted(tmp_path)
-    assert draft.data["files"] == ["rig/*/log.csv"]
-    recordings = checked(draft, tmp_path).spec.data.split.hold_out.recordings
-    assert recordings == ["2031-05-04_101305_run-log"]
-
-
 def test_what_readers_stumble_over_is_named_in_the_draft(tmp_path):
     isobaric(tmp_path)
     for path in tmp_path.glob("*.csv"):
@@ -146,7 +134,7 @@ def test_what_readers_stumble_over_is_named_in_the_draft(tmp_path):
     data = checked(draft, tmp_path).spec.data
     assert (data.missing, data.repeated_time) == ("drop", "spread")
     assert (data.delimiter, data.decimal, data.skip_rows) == (";", ",", 1)
-    assert "missing: drop  # 4 samples have an empty cell" in draft.text()
+    assert "missing: drop  # 4 rows have an empty cell" in draft.text()
 
 
 def test_a_backward_clock_is_left_out(tmp_path):
@@ -199,6 +187,10 @@ def test_patterns_match_their_files_and_no_others(tmp_path):
         "a_2_down.csv",
     ]
     assert patterns([files["[x].csv"]], tmp_path) == ["[x].csv"]
+    runs = [tmp_path / stamp / "log.csv" for stamp in ("2031-05-04_101112_run", "test_9")]
+    for path in runs:
+        write(path, {"a": T})
+    assert patterns(runs, tmp_path) == ["*/log.csv"]
 
 
 def stamped(path, stamp, *, odd=""):

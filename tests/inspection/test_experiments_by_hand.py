@@ -11,6 +11,7 @@ from mapmore_cli.annexes.drafting.columns import TitledColumn
 from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.experiment import (
     Experiment,
+    Held,
     find_held,
     goes_in_cycles,
     own_levels,
@@ -150,6 +151,10 @@ def test_recordings_of_one_file_and_pieces_of_a_log_are_held_out_whole():
     pieces = [recording(f"{log}#{k}", log, y=[1, 2]) for log in "abcd" for k in (1, 2)]
     draft = with_split(BARE, experiment(*pieces), None)
     assert draft.data["split"] == {"validate": {"recordings": ["b#1", "b#2"]}}
+    # in the order of the levels 0, 1, 2, 3 instead of the names, held-out recordings lie between
+    loads = [recording(f"r{k}", u=[k, k]) for k in (0, 3, 1, 2)]
+    draft = with_split(BARE, experiment(*loads, held=Held("u", [], None, "", "")), None)
+    assert draft.data["split"] == {"validate": {"recordings": ["r1"]}}
     # a factor or an offset of each session cannot be predicted for a session that is held out
     for key, value in (("groups", {"of": "s", "gain": True}), ("levels", {"of": "u", "at": [1]})):
         draft = with_split(BARE.with_data(key, value), experiment(*logs(4)), None)
@@ -173,6 +178,9 @@ def test_the_last_samples_are_held_out_unless_most_lie_beyond_the_others(course,
     place = "between" if "last" in held_out else "beyond"
     why = f"you; {place}: the last samples of every recording"
     assert last.notes["data", "split"].why.startswith(why)
+    parts = [recording(f"r#{k}", "r", strain=part) for k, part in enumerate(np.split(course, 5))]
+    whole = with_split(BARE, experiment(*parts, inputs=("strain",)), "last")
+    assert whole.notes == last.notes  # the split is that of the whole log
 
 
 # Static or with memory

@@ -109,22 +109,6 @@ def test_a_column_of_some_files_alone_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("names", "tip"),
-    [
-        ("P100_s1 P100_s2 P200_s1 P200_s2", "--hold pressure=P:kPa"),
-        ("a1 a2 a3 a4", ""),
-        ("F10 F20 F50 F90", "--hold force=F:N"),
-    ],
-)
-def test_levels_in_names_without_a_unit_are_proposed(tmp_path, names, tip):
-    for number, name in enumerate(names.split()):
-        write(tmp_path / f"{name}.csv", {"strain [%]": ROWS, "F [N]": (number + 1) * ROWS**2})
-    told = " ".join(drafted(tmp_path, answers=answers_of(target="F", inputs="strain")).tips)
-    assert tip in told
-    assert bool(tip) == bool(told)
-
-
-@pytest.mark.parametrize(
     ("corner", "mark", "point"), [("", ",", "."), ("eps/P", ";", ","), ("eps/P", "\t", ".")]
 )
 def test_a_map_of_cells_is_a_table_of_its_cells(tmp_path, corner, mark, point):

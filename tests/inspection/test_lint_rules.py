@@ -624,37 +624,6 @@ def test_copied_sheets_are_named(tmp_path, files, names):
     assert [issue.place, issue.message] == [names[1], f"it has the same samples as {names[0]}"]
 
 
-@pytest.mark.parametrize(
-    ("effect", "line"),
-    [
-        (lambda y: 0.6 * y, "{of: session, gain: true}"),
-        (lambda y: y + 60, "{of: session, offset: true}"),
-        (lambda y: 0.6 * y + 300, "{of: session, offset: true, gain: true}"),
-        (lambda y: y + 80 * np.sin(np.arange(60)), ""),
-    ],
-)
-def test_a_difference_between_sessions_is_told_with_what_explains_it(tmp_path, effect, line):
-    """Four recordings of the same command, two of another session; sensors have noise."""
-    rng = np.random.default_rng(1)
-
-    def session(level, _):
-        columns = table(200) | {"P": 200 + 0.1 * rng.normal(size=60)}
-        force = columns["F"] + rng.normal(size=60)
-        return {**columns, "F": effect(force) if level > 200 else force}
-
-    issue = only(inspected(tmp_path, session, **SAME_INPUTS), "untold-difference")
-    assert (f"write `data.groups: {line}` and `set: {{session: 1}}`" in issue.remedy) == bool(line)
-    assert ("groups" in issue.remedy) == bool(line)
-    assert re.search(
-        r"a factor between the two explains \d+% of the difference, an offset \d+%, both ",
-        issue.message,
-    )
-    told = {"files": [{"path": f"level_{level:g}.csv", "set": {"session": int(level > 200)}}
-        for level in LEVELS]}  # fmt: skip
-    spec = {**SAME_INPUTS, "data": {**SAME_INPUTS["data"], **told}}
-    assert "untold-difference" not in found(inspected(tmp_path, session, **spec))
-
-
 @given(st.lists(st.tuples(st.integers(0, 9), st.floats(-1, 1)), min_size=2, max_size=40))
 def test_the_floor_is_below_every_monotone_curve(samples):
     """Any line is such a curve, and a monotone one through all points has none."""

@@ -108,6 +108,8 @@ def test_a_force_whose_squares_pull_by_less_than_a_hundredth(above, told):
     force = np.array([np.sqrt(above), 0, -np.sqrt(99)])
     assert len(found(signs.force_never_pulls, {"force": force})) == told
     assert found(signs.force_never_pulls, {"force": np.zeros(3)}) == []
+    marked = np.where(np.arange(300) % 150, 5.0, -9999)  # two marks of missing values
+    assert [len(found(signs.force_never_pulls, {"force": x})) for x in (marked, -marked)] == [0, 1]
     both = subject_of({"force": 0.2 * force}, {"force": [30.0, -1.0]})
     messages = [issue.message for issue in signs.force_never_pulls(both)]
     assert len(messages) == 0  # 2 N are less than a tenth of 30 N
@@ -335,3 +337,19 @@ def test_a_target_that_is_a_line_of_a_column_in_each_recording(error, told):
     assert pairs._slope_of_line(wave[:29], 3 * wave[:29]) is None
     assert pairs._slope_of_line(wave[:30], 3 * wave[:30]) == pytest.approx(3)
     assert pairs._slope_of_line(np.ones(40), wave[:40]) is None
+
+
+@pytest.mark.parametrize(
+    ("effect", "line"),
+    [
+        (lambda y: 0.6 * y, "`data.groups: {of: session, gain: true}` and "),
+        (lambda y: y + 1, "`data.groups: {of: session, offset: true}` and "),
+        (lambda y: 0.6 * y + 5, "`data.groups: {of: session, offset: true, gain: true}` and "),
+        (lambda y: y[::-1], ""),
+    ],
+)
+def test_a_difference_between_sessions_is_told_with_what_explains_it(effect, line):
+    u = np.sin(np.arange(60.0)) + 2
+    both = subject_of({"u": u, "force": u}, {"u": u, "force": effect(u)})
+    (issue,) = pairs.untold_difference(both)
+    assert issue.remedy.startswith(f"write {line}`set: {{session: 1}}`")

@@ -125,6 +125,9 @@ def test_files_of_office_programs_are_passed_over(tmp_path):
         (tmp_path / name).write_bytes(b"x")
     (study,), left_out = find_studies(tmp_path)
     assert (study.names, left_out) == (["log"], [])
+    write(tmp_path / "Calibration_2.csv", (T, T), "kg,V\n")
+    (study,), left_out = find_studies(tmp_path)
+    assert (study.names, len(left_out)) == (["log"], 1)
 
 
 def test_a_copy_in_another_folder_is_named_with_its_folder(tmp_path):

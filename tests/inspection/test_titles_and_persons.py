@@ -130,8 +130,8 @@ def test_of_a_target_neither_copies_nor_what_computes_it_are_inputs(tmp_path):
     write(tmp_path / "a.csv", {name: values + 1e-9 * T for name, values in columns.items()})
     draft = drafted(tmp_path, answers=answers_of(target="torque"))
     assert list(draft.data["columns"]) == ["u", "q", "torque"]
-    assert "left out: sensor (is a copy of torque" in draft.text()
-    assert "late (gives, through a linear filter, torque" in draft.text()
+    assert "left out: sensor (is a linear function of torque" in draft.text()
+    assert "late (gives, through a linear filter" in draft.text()
     draft = drafted(tmp_path, answers=answers_of(target="torque", inputs="sensor"))
     assert list(draft.data["columns"]) == ["sensor", "torque"]
     write(tmp_path / "a.csv", {"late": smooth, "torque": force + 1e-9 * T})
@@ -211,6 +211,15 @@ def test_names_tell_what_varies(names, hold, told):
         ("gap\uff08mm\uff09", "gap", "mm"),
         ("gap [in]", "gap", "in"),
         ("T1 [degC]", "T1", "degC"),
+        *(("vel_mm/s", "vel", "mm/s"), ("v m/s", "v", "m/s"), ("k_N/mm", "k", "N/mm")),
+        *(("Zeit t/s", "Zeit_t", "s"), ("Kraft F/N", "Kraft_F", "N"), ("a l/min", "a_l", "")),
+        *(("force/%Fmax", "force_Fmax", "%"), ("v at 50 %", "v_at_50", "")),
+        *(
+            ("millis", "millis", "ms"),
+            ("p (bar(a))", "p", "bara"),
+            ("P [kPa(a)]", "P", "kPa_abs"),
+            ("tau [N.m]", "tau", "N*m"),
+        ),
     ],
 )
 def test_indices_and_prepositions_are_no_units(title, name, unit):

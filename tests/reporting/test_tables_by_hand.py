@@ -267,4 +267,6 @@ def test_a_column_of_scores_is_shown_if_any_row_has_it():
     table = score_table(rows, {"y": "N"})
     assert "RMSE [N]" in table.headings
     assert {len(row) for row in table.rows} == {len(table.headings)}
+    # the errors of a target in per cent are no fractions
+    assert score_table(rows, {"y": "%"}).rows == table.rows
     assert len(table.headings) > len(score_table(rows[:1], {"y": "N"}).headings)

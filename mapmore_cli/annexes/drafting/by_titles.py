@@ -95,7 +95,7 @@ def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
         best = min(members, key=_silence)
         for one in members:
             if one is not best and one.kind in ("", best.kind):
-                copies[one.column] = f"is a copy of {best.called}"
+                copies[one.column] = f"is a linear function of {best.called}"
     return copies
 
 

@@ -98,7 +98,7 @@ def _with_losses(draft: Draft, dataset: Dataset) -> Draft:
     dropped = sum((Counter(one.dropped) for one in dataset.recordings), Counter[str]())
     repeats = (re.search(rf": (\d+) {REPEATS}", note) for note in dataset.notes)
     losses = {
-        "missing": (dropped["missing value"], "samples have an empty cell"),
+        "missing": (dropped["missing value"], "rows have an empty cell"),
         "repeated_time": (
             sum(int(match[1]) for match in repeats if match is not None),
             f"{REPEATS}: the logger rounds them",

@@ -185,6 +185,9 @@ class TitledColumn:
             return NamedColumn(self.column, "1", "you; texts are numbered", texts=self.how)
         usual = unit_of_clock(self.values) if name == "time" else default_unit(name)
         unit = self.unit or usual
+        if unit == "rad" and np.abs(self.kinds).max(initial=0) > MOST_RADIANS:
+            why = f"this is more than two turns: is it deg? {range_of(self.values, unit)}"
+            return NamedColumn(self.column, unit, why, sure=False)
         if self.unit or unit == "1":
             why = f"{self.source or 'title'}; {range_of(self.values, unit)}"
             return NamedColumn(self.column, unit, why)
@@ -196,9 +199,9 @@ class TitledColumn:
 TURNS = (24.0, 60.0, 1000.0, 3600.0, 86400.0)
 """Values at which hours, minutes, milliseconds, and seconds of an hour and of a day restart."""
 
-CLOCKS = ("ms", "us", "ns")
-"""Units of time that mean a clock if they are the whole title; a single letter or `min` may mean
-another quantity.
+CLOCKS = {"ms": "ms", "us": "us", "ns": "ns", "millis": "ms", "micros": "us"}
+"""Titles that mean a clock, and its unit: units of time, except for a single letter or `min`, which
+may mean another quantity, and the functions of microcontrollers that read a clock.
 """
 
 SINCE_1970 = (946_684_800.0, 4_102_444_800.0)
@@ -211,6 +214,9 @@ SUMMARIES = {
     *("total", "mittelwert", "mittel", "moyenne", "media", "promedio", "ecart-type"),
 }
 """Words in rows below a table that were computed from the rows above, for example `mean`."""
+
+MOST_RADIANS = 4 * np.pi
+"""Largest angle, rad, that is accepted without a question."""
 
 FEWEST_ROWS = 5
 """A column may distinguish recordings if these have at least this number of rows on average."""
@@ -257,8 +263,8 @@ def _read_title(
         )
         if own_unit or not unit:
             quantity, is_plain, unit = label.quantity, label.plain, own_unit
-    if not (unit or quantity) and title.strip().casefold() in CLOCKS:  # the title is only a unit
-        unit = title.strip().casefold()
+    if not (unit or quantity):
+        unit = CLOCKS.get(title.strip().casefold(), "")
     source = "" if not unit else "the file's units" if unit_of(line) else "title"
     return TitledColumn(column, place, title, values, quantity, is_plain, unit, source)
 

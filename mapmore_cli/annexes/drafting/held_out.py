@@ -8,6 +8,7 @@ import numpy as np
 
 from mapmore_cli.annexes.drafting.draft import Conditions, Draft, Section
 from mapmore_cli.annexes.drafting.experiment import Experiment, set_values
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.domain.recording import Recording
 
@@ -26,21 +27,26 @@ def with_split(
     the first possibility in this list is used: inner levels; inner values from names of files;
     whole recordings; the last samples of each recording. If the study has no memory and the last
     samples lie outside the range of the others, other samples are used instead of them. The note
-    says whether the held-out data lie between or outside the training data.
+    says whether held-out levels, values or samples lie between or outside the training data.
 
     Raises UsageError if the data that a person names cannot be held out.
     """
     levels, groups = draft.data.get("levels"), draft.data.get("groups", {})
     values = {levels["of"]: levels["at"]} if levels else done.conditions
     inside = {name: some for name, places in values.items() if (some := inner(sorted({*places})))}
-    logs = [*dict.fromkeys(one.log or one.id for one in done.recordings)]
+    # in the order of the levels, inner recordings lie between the others
+    of = done.held.of if done.held else None
+    in_order = sorted(
+        done.recordings, key=lambda one: float(np.median(one.columns[of])) if of else 0
+    )
+    logs = [*dict.fromkeys(one.log or one.id for one in in_order)]
     is_whole = len(logs) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
     way = wanted or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
     held_out: Section = {}
     if way == LAST_SAMPLES:
         held_out, why = _last_or_between(done, is_free=wanted is None and not has_memory)
     elif way == WHOLE:
-        held_out, why = _whole_recordings(done, logs), "between: whole recordings"
+        held_out, why = _whole_recordings(done, logs), "whole recordings"
     else:
         places = inside.get(way) or _band(way, done.recordings, values)
         held_out, why = {way: places} if places else {}, "between: inner values"
@@ -73,15 +79,15 @@ def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
         return {LAST_SAMPLES: LAST}, "between: the last samples of every recording"
     if not is_free:
         why = (
-            f"beyond: the last samples of every recording, in which {', '.join(names)} leaves "
-            "the range of the samples before"
+            "beyond: the last samples of every recording, with "
+            f"{', '.join(names)} mostly outside the range of the samples before"
         )
         return {LAST_SAMPLES: LAST}, why
     for name in names:
         if values := inner(set_values(done.recordings, name)):
             return {name: values}, f"between: inner values, because {name} moves steadily"
-    share = {"fraction": SHARE, "seed": 1}
-    return share, f"between: samples drawn at random, because {', '.join(names)} moves steadily"
+    why = f"between: samples drawn at random, because of steady movements ({', '.join(names)})"
+    return {"fraction": SHARE, "seed": 1}, why
 
 
 def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
@@ -103,12 +109,15 @@ def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
 
 def _beyond(done: Experiment) -> list[str]:
     """Return the inputs for which more than half of the last samples of all recordings lie outside
-    the range of the earlier samples.
+    the range of the earlier samples. The pieces of a log are one recording, as in the split.
     """
     names: list[str] = []
     for name in done.inputs:
-        series = [one.columns[name] for one in done.recordings]
-        parts_of = [np.split(x, [round((1 - LAST) * len(x))]) for x in series]
+        series: dict[str, list[Array]] = {}
+        for one in done.recordings:
+            series.setdefault(one.log or one.id, []).append(one.columns[name])
+        whole = [*map(np.concatenate, series.values())]
+        parts_of = [np.split(x, [round((1 - LAST) * len(x))]) for x in whole]
         before, last = (np.concatenate(parts) for parts in zip(*parts_of, strict=True))
         outside = (last < before.min()) | (last > before.max())
         names += [name] if 2 * np.count_nonzero(outside) > outside.size else []

@@ -194,8 +194,10 @@ class _Proposal:
         if not answers.hold:
             yield from offers_of(self.study.names)
         rows = max((len(x) for one in self.table.values() for x in one.values), default=0)
-        has_clock = "time" in draft.data["columns"] or "sample_time" in draft.data
-        if not has_clock and not answers.no_clock and "levels" not in draft.data and rows >= FEWEST:
+        # the rows of a map have no order
+        has_clock = "time" in draft.data["columns"] or self.study.layout.is_map
+        keys = {"sample_time", "levels"}
+        if not (has_clock or answers.no_clock) and keys.isdisjoint(draft.data) and rows >= FEWEST:
             yield (
                 "no column is a clock, so the order of the rows is not used; if the time from row "
                 "to row is constant, write it, for example `--sample-time 10ms`, so that the model "
@@ -218,6 +220,7 @@ def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Dr
     line = ", ".join(["of: session", *(f"{effect}: true" for effect in effects)])
     how = (
         "; do they belong to different sessions? If so, use `--group session`, which writes "
-        f"`groups: {{{line}}}`"
+        f"`groups: {{{line}}}`. Or do the lines above the tables give a quantity that differs? If "
+        "so, write it beside each file, for example `set: {pressure: 200 kPa}`"
     )
     return draft.noted(("data", "reader"), apart.words() + how, sure=not apart.is_large)

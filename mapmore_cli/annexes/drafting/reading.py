@@ -29,7 +29,7 @@ from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError, SpecError, Warn
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.ingestion.dataset import build_dataset
-from mapmore_cli.ingestion.files import IngestSlice, Meter, Source, find_sources
+from mapmore_cli.ingestion.files import IngestSlice, Meter, find_sources
 from mapmore_cli.ingestion.reading import read_tables
 from mapmore_cli.ingestion.samples import Samples
 from mapmore_cli.storage.tables.cells import NotANumber
@@ -123,7 +123,7 @@ def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dic
         data = Data.model_validate(
             {**section, "columns": {"label": entry}, "recordings": {"of": "label"}}
         )
-        some = _some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
+        some = some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
         meter = Meter(some, lambda *_: None)
         tables = [
             one for source in some for one in read_tables(source, data, data, {"label": "1"}, meter)
@@ -139,9 +139,9 @@ def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dic
     return {}
 
 
-def _some_of(sources: Sequence[Source]) -> Sequence[Source]:
+def some_of(sources: Sequence[T]) -> Sequence[T]:
     """Return a few of the files, which are enough to know the columns, because all files have the
-    same columns.
+    same columns. Of numbers in the names of all files, return those of the same few files.
     """
     return sources[:: -(-len(sources) // MOST_FILES)]
 
@@ -200,7 +200,7 @@ def _read_columns(
 
     def read(missing: object) -> list[Samples]:
         data = _Columns.model_validate({**section, "columns": entries, "missing": missing})
-        some = _some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
+        some = some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
         meter = Meter(some, lambda *_: None)
         tables: list[Samples] = []
         faults: list[DataError] = []

@@ -88,7 +88,9 @@ def start(
                 if ask is not None:
                     raise
                 refusal = refusal or fault
-            remarks.append(f"{label}: {fault.message.splitlines()[0]}")
+            remedy = None if isinstance(fault, UsageError) else fault.remedy
+            what = filter(None, [label, fault.message.splitlines()[0], remedy])
+            remarks.append(": ".join(what))
         else:
             remarks += dict.fromkeys(one.bad_files for one in proposed if one.bad_files)
             drafts += proposed

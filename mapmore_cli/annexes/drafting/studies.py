@@ -16,6 +16,7 @@ from mapmore_cli.annexes.drafting.first_lines import HEAD, comment_among, kinds_
 from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.annexes.drafting.names import stem_of
 from mapmore_cli.annexes.drafting.preview import preview
+from mapmore_cli.annexes.drafting.spelling import words
 from mapmore_cli.annexes.drafting.titles import name_in
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import DataError
@@ -24,6 +25,9 @@ from mapmore_cli.storage.readers import READERS, reader_of
 from mapmore_cli.storage.run_record import holds_results
 from mapmore_cli.study.loader import SCHEMA
 from mapmore_cli.study.units import CANONICAL
+
+_FOR_SENSORS = {"tare", "tara", "calibration", "kalibrierung"}
+"""Words in names of files that were recorded to find the zero or the scale of a sensor."""
 
 
 @dataclass(frozen=True)
@@ -135,13 +139,19 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     every = [path] if path.is_file() else [*inside]
     readable = [file for file in every if file == path or reader_of(file) is not None]
     copies = _copies(readable)  # a copy of an unreadable file need not be found
-    layouts, faults = _layouts_of([file for file in readable if file not in copies])
     root = path if path.is_dir() else path.parent
     names = {file: relative_name(file, root) for file in readable}
     bad = {
         copy: f"{names[copy]}: has the same contents as {names[file]}"
         for copy, file in copies.items()
-    } | faults
+    } | {
+        file: f"{names[file]}: was recorded for a sensor, as its name says; write what it shows as "
+        "`scale` and `offset` of a column, or rename it if it is a test"
+        for file in readable
+        if file != path and _FOR_SENSORS & {*words(stem_of(file.name))}
+    }
+    layouts, faults = _layouts_of([file for file in readable if file not in bad])
+    bad |= faults
     others = {file: why for file in {*every} - {*readable} if (why := unread(file))}
     studies = [replace(one, bad=bad) for one in _joined(layouts)]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))

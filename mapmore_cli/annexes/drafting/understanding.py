@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -15,11 +15,13 @@ from mapmore_cli.annexes.drafting.columns import Table, TitledColumn
 from mapmore_cli.annexes.drafting.draft import Column, Named, address
 from mapmore_cli.annexes.drafting.finding import find
 from mapmore_cli.annexes.drafting.names import Condition, told_by_names
+from mapmore_cli.annexes.drafting.reading import some_of
 from mapmore_cli.annexes.drafting.studies import Study
 from mapmore_cli.checking.evidence import FEWEST, ROUNDING, same_signals
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.modelling.signals.sampling import correlation
+from mapmore_cli.study.units import can_convert
 
 FEWEST_SET_POINTS, SAME_SET_POINT = 3, 0.999
 """Fewest different numbers in names of files, and their correlation with the means of a column from
@@ -91,10 +93,11 @@ def understood(
     columns |= apart
     chosen = named_by_person(answers.target, table, "--target", columns)
     columns |= chosen
-    conditions, unused = _conditions_of(study, table, answers, columns)
+    conditions, measured, unused = _conditions_of(study, table, answers, columns)
     # if a person names inputs, the target depends on them
-    has_input = bool(conditions or answers.inputs)
-    targets = [*chosen] or _target_by_titles(table, answers, columns, apart, has_input)
+    has_input = bool(conditions or measured or answers.inputs)
+    ignored = ["time", *apart, *measured]
+    targets = [*chosen] or _target_by_titles(table, answers, columns, ignored, has_input)
     if not targets:
         raise refuse_choice(table, study.files[0].name, path, study.layout.is_map)
     if answers.inputs is None:
@@ -112,7 +115,9 @@ def understood(
         raise UsageError(
             f"{study.files[0].name}: no column is left that can be an input of a "
             f"model of {targets[0]}",
-            "name the inputs with --inputs, or the quantity that was held constant with --hold",
+            "name the inputs with --inputs, or the quantity that was held constant with --hold; if "
+            "each row holds the value of another quantity, first make a table with a column for "
+            "each quantity",
         )
     used = dict.fromkeys(["time", *apart, *inputs, *targets, group])
     columns = {name: columns[name] for name in used if name in columns}
@@ -151,56 +156,73 @@ def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
 
 def _conditions_of(
     study: Study, table: Table, answers: Answers, columns: Named
-) -> tuple[list[Condition], str]:
-    """Return the quantities whose values stand in names of files, and a remark about the numbers in
-    names that are not used. If a person names the inputs, a number without a unit is used only if
-    the person names it. It is not used either if a column measures the same quantity.
+) -> tuple[list[Condition], list[str], str]:
+    """Return the quantities whose values stand in names of files, the names of the columns that
+    measure such quantities, and a remark about the numbers in names that are not used. If a person
+    names the inputs, a number without a unit is used only if the person names it. If a person does
+    not, no number is used that a column measures.
     """
     wanted = answers.inputs or {}
     renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
     measured = [one.quantity for one in _found(table, wanted)]  # names of known quantities
     conditions, unused = told_by_names(study.names, answers.hold, [*columns, *renamed, *measured])
     needed = {*wanted, answers.hold.name if answers.hold else ""}
-    for one in [one for one in conditions if not one.unit and one.quantity not in needed]:
-        if answers.inputs is not None:
+    read = {name: table[column.column] for name, column in columns.items()}
+    measuring: list[str] = []
+    for one in [one for one in conditions if one.quantity not in needed]:
+        name = _measured(one, read)
+        if answers.inputs is not None and not one.unit:
             why = "name it with --inputs to use it"
-        elif (column := _measured(one, table)) is not None:
-            why = f"the column {column.called} measures it"
+        elif answers.inputs is None and name is not None:
+            why = f"the column {read[name].called} measures it"
+            measuring.append(name)
         else:
             continue
         conditions.remove(one)
         unused.append(f"{one.quantity} ({why})")
-    return conditions, f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
+    remark = f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
+    return conditions, measuring, remark
 
 
-def _measured(condition: Condition, table: Table) -> TitledColumn | None:
-    """Return the column whose mean over each recording is a linear function of the number in the
-    name of the recording, although the column varies far less within a recording than between two:
-    the number is then the set point of what the column measures. None if there is no such column.
+def _measured(condition: Condition, columns: Mapping[str, TitledColumn]) -> str | None:
+    """Return the name of the column whose mean over each recording is a linear function of the
+    number in the name of the recording, although the column varies far less within a recording than
+    between two: the number is then the set point of what the column measures. If the number has a
+    unit, the column must have a unit of the same dimension. If the number has none, the column must
+    be no force and no position, because these may depend on the number. Return None if there is no
+    such column.
     """
-    numbers = np.array(condition.values)
-    for column in table.values():
-        if len(column.values) != len(numbers) or len(np.unique(numbers)) < FEWEST_SET_POINTS:
+    numbers = np.array(some_of(condition.values))
+    for name, column in columns.items():
+        is_other = column.kind in ("force", "position")
+        if condition.unit:
+            is_other = not column.unit or not can_convert(column.unit, condition.unit)
+        if (
+            is_other
+            or len(column.values) != len(numbers)
+            or len(np.unique(numbers)) < FEWEST_SET_POINTS
+        ):
             continue
         means = np.array([np.mean(one) for one in column.values])
         within = max(np.std(one) for one in column.values)
         gap = np.diff(np.sort(means)).max()
         if within < gap / 4 and abs(correlation(numbers, means)) > SAME_SET_POINT:
-            return column
+            return name
     return None
 
 
 def _target_by_titles(
-    table: Table, answers: Answers, columns: Named, apart: Named, has_input: bool
+    table: Table, answers: Answers, columns: Named, ignored: Collection[str], has_input: bool
 ) -> list[str]:
     """Return a list with the quantity to predict, or an empty list if the titles leave a choice.
-    If a person lists the columns, the names that the person gives are read instead of titles.
+    If a person lists the columns, the names that the person gives are read instead of titles. The
+    quantities in `ignored` are not predicted: the time, and what was set or counted.
     """
     titled = {} if answers.columns else table
     kinds = {
         name: kind_to_predict(name, titled.get(one.column))
         for name, one in columns.items()
-        if name not in ("time", *apart)
+        if name not in ignored
     }
     target = target_of(kinds, has_input)
     return [] if target is None else [target]
@@ -249,7 +271,7 @@ def _free(
             is_copy = same_signals([np.concatenate(one.values) for one in (candidate, wanted)])
             if is_copy or (len(free) > 1 and _is_filtered(candidate.values, wanted.values)):
                 free.remove(name)
-                how = "is a copy of" if is_copy else "gives, through a linear filter,"
+                how = "is a linear function of" if is_copy else "gives, through a linear filter,"
                 left_out[candidate.column] = f"{how} {target}; name it with --inputs to use it"
     return free
 

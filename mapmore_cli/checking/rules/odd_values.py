@@ -47,7 +47,8 @@ def spikes_in(subject: Subject) -> Issues:
                 f"{_first_of(subject, recording, rows)}: {name} is {values[first]:.6g} in "
                 f"one sample only, {between}",
                 "if the value is wrong, leave it out (`keep: "
-                f"[{{quantity: {name}, above: ...}}]`) or empty its cell; if it was really "
+                f"[{{quantity: {name}, above: ...}}]`) or empty its cell; if it stands for a "
+                "missing value, write `missing: {tokens: [...]}` with the number; if it was really "
                 "measured, do nothing",
                 "data",
             )

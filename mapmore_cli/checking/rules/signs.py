@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from mapmore_cli.checking.evidence import ROUNDING
+from mapmore_cli.checking.evidence import LITTLE, ROUNDING
 from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.domain.arrays import extremes, in_blocks
 from mapmore_cli.domain.recording import Recording
@@ -48,10 +48,12 @@ def force_never_pulls(subject: Subject) -> Issues:
 
 def _pull(recording: Recording) -> float:
     """Return the sum of squares of the positive forces, divided by the sum of squares of all
-    forces; 1 if no force is negative.
+    forces; 1 if no force is negative. The outermost forces count only up to a quantile, because a
+    few wrong samples, for example -9999, do not say in which direction the others act.
     """
     above = below = 0.0
     for (x,) in in_blocks(recording.columns["force"]):
+        x = np.clip(x, *np.quantile(x, (LITTLE, 1 - LITTLE), method="nearest"))
         above += float(np.sum(x[x > 0] ** 2))
         below += float(np.sum(x[x < 0] ** 2))
     return above / (above + below) if below else 1.0
