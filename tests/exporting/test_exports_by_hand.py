@@ -15,7 +15,7 @@ from mapmore_cli.annexes.exporting.c_source import c_source
 from mapmore_cli.annexes.exporting.exports import exported, snippet
 from mapmore_cli.annexes.exporting.templates import notes_of
 from mapmore_cli.domain.errors import MapmoreError, UsageError
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import BaseUnits, Quantity
 
 # Comparison with `predict`
 # --------------------------------------------------------------------------------------------------
@@ -132,6 +132,21 @@ def test_variables_of_a_unit_say_what_they_are(monkeypatch):
     assert measured.about.startswith("Measured output with which")
     assert bits.about.endswith(", 4 if there is no value yet or the run has diverged")
     assert measured.variability == "discrete"
+
+
+@pytest.mark.parametrize(
+    ("factor", "offset", "scale"),
+    [
+        (1.0, 0.0, {}),
+        (10.0, 0.0, {"factor": 10.0}),
+        (1.0, 273.15, {"offset": 273.15}),
+        (0.0, 1.0, {"factor": 0.0, "offset": 1.0}),
+    ],
+)
+def test_a_unit_of_measurement_states_a_factor_and_an_offset_that_differ_from_the_base_units(
+    factor, offset, scale
+):
+    assert fmu._powers(BaseUnits(factor, offset, {"K": 1})) == {"K": 1, **scale}
 
 
 def test_files_of_a_unit_can_be_read_and_its_library_run(monkeypatch):

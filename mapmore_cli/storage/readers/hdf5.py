@@ -196,7 +196,7 @@ def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
     if dataset.chunks is None:
         return None if dataset.id.get_storage_size() else []
     axes = list(zip(dataset.shape, dataset.chunks, strict=True))
-    if dataset.id.get_num_chunks() >= math.prod(-(-length // step) for length, step in axes):
+    if dataset.id.get_num_chunks() == math.prod(-(-length // step) for length, step in axes):
         return None
     parts = list[tuple[range, ...]]()
 
