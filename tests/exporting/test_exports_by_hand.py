@@ -157,6 +157,12 @@ def test_files_of_a_unit_can_be_read_and_its_library_run(monkeypatch):
         assert (entry.external_attr >> 16, entry.create_system) == (expected, 3)
 
 
+def test_an_inverse_in_c_has_room_for_the_parts_of_the_input_that_has_the_most():
+    inverse = c_source(pieces()).files["dmsp_20_inverse.c"]
+    # 40 intervals between knots, each in 3 parts, whose 4 ends may all be doubled; 64 are divided
+    assert f"#define PLACES {2 * 40 * 4 + 1 + 2 * 64} " in inverse
+
+
 def test_notes_name_inputs_that_are_called_otherwise_and_the_shape():
     model = SimpleNamespace(shape=None, output=Quantity("force", "N"), memories=())
     assert notes_of(model, {"a": "a", "b": "b_2"}) == ["The input b is called b_2 here."]
