@@ -140,15 +140,15 @@ def test_workers_that_differ_are_refused(tmp_path):
         Shared(tmp_path / "token", "0.0", {}).check()
 
 
-@pytest.mark.parametrize("deleted", [False, True])
-def test_a_folder_is_shared_until_the_end_of_the_campaign(tmp_path, monkeypatch, deleted):
+def test_a_folder_is_shared_until_the_end_of_the_campaign(tmp_path, monkeypatch):
     monkeypatch.setenv("MAPMORE_DATA", "here")
-    with shared_folder(tmp_path / "runs") as shared:
-        shared.check()
-        assert shared.environment["MAPMORE_DATA"] == "here"
-        if deleted:
-            shared.token.unlink()
-    assert not shared.token.exists()
+    for is_deleted in (False, True):
+        with shared_folder(tmp_path / "my" / "runs") as shared:
+            shared.check()
+            assert shared.environment["MAPMORE_DATA"] == "here"
+            if is_deleted:
+                shared.token.unlink()
+        assert not shared.token.exists()
 
 
 def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):
