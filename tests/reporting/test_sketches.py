@@ -185,45 +185,6 @@ def test_marks_keep_their_order_and_gaps():
     assert [*ax.keys] == ["a"]
 
 
-BAR = {"edgecolor": "k", "facecolor": "w", "hatch": None}
-
-
-@pytest.mark.parametrize(
-    ("draw", "drawn"),
-    [
-        (lambda ax: ax.axhline(1), 'd="M0 30l100 0"'),
-        (lambda ax: ax.axvline(2), 'd="M20 40l0-40"'),
-        (lambda ax: ax.vlines([2], 1, [3]), 'd="M20 30l0-20"'),
-        (lambda ax: ax.axvspan(2, 5, color="k"), 'x="20.00" y="0.00" width="30.00" height="40.00"'),
-        (lambda ax: ax.barh(1, 4, 0.5, **BAR), 'x="0.00" y="27.50" width="40.00" height="5.00"'),
-        (
-            lambda ax: ax.fill_between(np.arange(4.0), 1, np.array([2, 3, np.nan, 4]), color="k"),
-            'd="M0 30l10 0l0-20l-10 10ZM30 30l0-30Z"',
-        ),
-        (
-            lambda ax: ax.scatter(
-                np.array([2.0]), np.array([1.0]), 16, [0.0], cmap="viridis", vmin=0, vmax=1
-            ),
-            'cx="20.0" cy="30.0" r="2"',
-        ),
-        (lambda ax: ax.annotate("a", (2, 1), (3, 5)), 'x="23.0" y="25.0"'),
-        (lambda ax: ax.annotate("a", (2, 1), (3, 5), va="top"), 'x="23.0" y="31.4"'),
-        (
-            lambda ax: ax.annotate("a", (0.5, 1), (0, 0), xycoords=("axes fraction", "data")),
-            'x="50.0" y="30.0"',
-        ),
-    ],
-)
-def test_marks_lie_at_their_values(draw, drawn):
-    """On axes of 100 x 40 points, from 0 to 10 and from 0 to 4."""
-    ax = Sketch(8.0)
-    draw(ax)
-    ax.set_xlim(0, 10)
-    ax.set_ylim(0, 4)
-    places = ax.xaxis.scale(0, 100), ax.yaxis.scale(40, 0)
-    assert drawn in "".join(svg(*places) for _, svg in (*ax.marks, *ax.beside))
-
-
 def test_a_legend_of_its_own_and_names_that_are_markup():
     panel = Panel("", lambda ax: ax.plot([0.0, 1.0], label="left out"), "<b>x & y", ("y",))
     drawing = Drawing("q", "", (panel,), Layout(), [key("<i>solid", facecolor="#00f", hatch=None)])
