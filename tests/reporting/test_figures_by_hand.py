@@ -18,6 +18,7 @@ from mapmore_cli.reporting.figures import (
     bands,
     colours,
     commands,
+    data,
     drawing,
     error,
     fit,
@@ -198,6 +199,25 @@ def test_a_model_is_drawn_for_each_training_curve_and_each_held_out_curve(monkey
         (args for args, _ in ax.named("fill_between")), models, strict=False
     ):
         np.testing.assert_allclose([low, high], [y - 2, y + 2])
+
+
+def test_a_recording_has_an_axis_for_each_quantity_of_any_recording(inputs):
+    one, *_ = inputs.dataset.recordings
+    series = {"time": 0.1 * np.arange(4), "force": np.arange(4.0), "strain": np.ones(4)}
+    sets = (("force", "time", "strain"), ("force",), ("time",))
+    recordings = tuple(
+        replace(one, id=str(place), columns={name: series[name] for name in names})
+        for place, names in enumerate(sets)
+    )
+    whole = replace(inputs.whole, recordings=recordings)
+    (figure,) = data.draw(replace(inputs, whole=whole))
+    assert [(panel.x_label, panel.y_labels) for panel in figure.panels] == [
+        ("Time (s)", ("Force\n(N)", "Strain\n(–)")),
+        ("Sample (–)", ("Force\n(N)", "")),
+        ("Time (s)", ("", "")),
+    ]
+    assert figure.grid.stack == (1.0, 1.0)
+    assert figure.grid.height == pytest.approx(0.3 + 2 * 0.95)
 
 
 def test_a_drift_is_in_per_cent_of_the_first_campaign():
