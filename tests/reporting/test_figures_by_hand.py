@@ -78,6 +78,16 @@ def test_bars_of_a_model_stand_around_its_row_the_held_out_one_above_and_solid(i
     ]
     assert ax.named("set_xlim") == [((), {"left": 0})]
     assert not ax.named("axvline")
+    words = [args[0].split(" (published ") for args, _ in ax.named("annotate")]
+    assert [float(error) for error, *_ in words] == pytest.approx(expected, abs=0.005)
+    assert [*map(len, words)] == [2, 1] * 3
+    failed = [
+        replace(s, nrmse=np.nan) if s.model == "sarosi" else s for s in inputs.validation.scores
+    ]
+    study = replace(inputs, validation=replace(inputs.validation, scores=tuple(failed)))
+    ax = calls_of(nrmse.draw(study)[0].panels[0])
+    assert len(ax.named("barh")) == 4
+    assert sum(args[0].startswith("failed") for args, _ in ax.named("annotate")) == 2
     row = next(s for s in inputs.validation.scores if (s.curve, s.split) == ("all", "validate"))
     scores = (*inputs.validation.scores, replace(row, model=REPEATABILITY, nrmse=0.015))
     study = replace(inputs, validation=replace(inputs.validation, scores=scores))
