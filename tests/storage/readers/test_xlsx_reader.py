@@ -194,3 +194,9 @@ def test_a_large_workbook_may_take_more_memory_and_time(tmp_path, monkeypatch):
         (tmp_path / "a.xls").write_bytes(bytes(size))
         xlsx._sheets_in(tmp_path / "a.xls", "a.xls")
     assert given == [[10**9 + 200, 10], [10**9 + 200 * 3_000_000, 13]]
+
+
+def test_a_column_with_a_cell_in_per_cent_is_a_ratio():
+    for cells, units in (((xlsx.Percentage(0.5), 2.0), ("1", "")), ((0.5, 2.0), ())):
+        sheet = xlsx.SheetCells("a", True, [["x", "F"], [*cells]], [], [])
+        assert xlsx._ratios_in(sheet) == units
