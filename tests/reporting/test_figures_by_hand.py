@@ -268,7 +268,7 @@ def test_colours_of_a_map_lie_between_its_neighbours():
     assert colours.colour_at("Blues", -1.0) == "#f7fbff"
     assert colours.colour_at("Blues", 1.0) == "#08306b"
     assert colours.colour_at("Blues", 0.25 / 8) == "#f1f7fd"  # a quarter from f7fbff to deebf7
-    assert (colours.hex_of("0.2"), colours.hex_of("#123")) == ("#333333", "#123")
+    assert (colours.hex_of("0.8"), colours.hex_of("#123")) == ("#cccccc", "#123")
     shades = colours.Shades("Blues", np.array([0.0, 1.0, 2.0, 3.0]))
     ends = colours.colour_at("Blues", 0.0), colours.colour_at("Blues", 1.0)
     found = shades.of(np.array([-5.0, 0.5, 1.0, np.nan, 2.0, 9.0]))
