@@ -76,7 +76,7 @@ def of_file(path: Path, warn: Warn, unverified: bool) -> View:
 def of_stage(stage: str, run_dir: Path) -> View:
     """Return the view of one stage of a run, which the command of this stage prints."""
     if stage in RESULTS:
-        return _of_hdf5(run_dir / RESULTS[stage])
+        return _of_hdf5(run_dir / RESULTS[stage], warn=lambda _message: None, unverified=False)
     paths = sorted((run_dir / RUN_PAGE).parent.rglob("*"))
     files = tuple(str(path) for path in paths if path.is_file())
     return View({"files": files}, lines=page_lines(run_dir) or files)
@@ -149,7 +149,7 @@ def page_lines(run_dir: Path) -> tuple[str, ...]:
     return (f"page: {page}",) if page.is_file() else ()
 
 
-def _of_hdf5(path: Path, warn: Warn = lambda _message: None, unverified: bool = False) -> View:
+def _of_hdf5(path: Path, warn: Warn, unverified: bool) -> View:
     kind = artefacts.kind_of(path)
     record = getattr(artefacts, f"read_{kind}")(path, warn, unverified)
     try:

@@ -118,7 +118,6 @@ def write_report(
       SVG if `svg` is requested.
     - `others`: the other outputs of the run, which are shown on the same page.
     """
-    out.mkdir(parents=True, exist_ok=True)
     shown = [(one, _write_files(one, out, figures, formats)) for one in (inputs, *others)]
     if "html" in formats:
         _write_file(out / "index.html", render_page(*shown[0], shown[1:]))
@@ -167,7 +166,6 @@ def _write_panels(
     """Write every panel to a separate file in each of the formats `suffixes`, and its data as
     CSV.
     """
-    folder.mkdir(exist_ok=True)
     stems: set[str] = set()
     for drawing, panel in panels:
         # keep only characters that all operating systems accept in names of files
@@ -216,5 +214,5 @@ def numbers_of(drawing: Drawing) -> str:
 
 
 def _write_file(path: Path, text: str) -> None:
-    path.parent.mkdir(exist_ok=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8", newline="\n")

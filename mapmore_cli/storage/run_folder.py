@@ -131,7 +131,7 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
     """
     from filelock import FileLock, Timeout
 
-    lock = FileLock(run_dir / LOCK, timeout=-1 if patient else 0)
+    lock = FileLock(run_dir / LOCK)
     if (run_dir / LOCK).is_dir() or (run_dir / LOCK).is_symlink():
         raise WriteError(
             (
@@ -142,7 +142,7 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
         )
     try:
         with refusals_told(run_dir):
-            lock.acquire()
+            lock.acquire(blocking=patient)
     except Timeout:
         remedy = "wait until it is done, or choose another folder with --runs"
         raise WriteError(f"{run_dir}: another process is writing this run", remedy) from None

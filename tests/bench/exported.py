@@ -138,7 +138,7 @@ def in_c(model, folder):
 
 def in_numpy(model, folder):
     """Nanoseconds a sample of the NumPy module: one at a time, and many at once where it can."""
-    file, text = python_module(model)
+    file, text = python_module(model, plain=False)
     (folder / file).write_text(text, encoding="utf-8")
     spec = importlib.util.spec_from_file_location(f"exported_{folder.name}", folder / file)
     module = importlib.util.module_from_spec(spec)

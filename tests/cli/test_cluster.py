@@ -10,7 +10,13 @@ from subprocess import PIPE, Popen
 import pytest
 from cli_samples import wait_until, write_slow_study, write_study
 
-from mapmore_cli.annexes.campaigns.cluster import ATTEMPTS, Shared, checked_workers, run_on_cluster
+from mapmore_cli.annexes.campaigns.cluster import (
+    ATTEMPTS,
+    Shared,
+    checked_workers,
+    run_on_cluster,
+    shared_folder,
+)
 from mapmore_cli.domain.errors import UsageError, WriteError
 from mapmore_cli.pipeline.jobs import Job, run_one
 from mapmore_cli.storage.run_record import tool_versions
@@ -132,6 +138,17 @@ def test_workers_that_differ_are_refused(tmp_path):
         Shared(tmp_path / "missing", here, {}).check()
     with pytest.raises(UsageError, match=r"has mapmore .*, but this computer has 0\.0"):
         Shared(tmp_path / "token", "0.0", {}).check()
+
+
+def test_a_folder_is_shared_until_the_end_of_the_campaign(tmp_path, monkeypatch):
+    monkeypatch.setenv("MAPMORE_DATA", "here")
+    for is_deleted in (False, True):
+        with shared_folder(tmp_path / "my" / "runs") as shared:
+            shared.check()
+            assert shared.environment["MAPMORE_DATA"] == "here"
+            if is_deleted:
+                shared.token.unlink()
+        assert not shared.token.exists()
 
 
 def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):

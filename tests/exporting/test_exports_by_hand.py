@@ -15,7 +15,7 @@ from mapmore_cli.annexes.exporting.c_source import c_source
 from mapmore_cli.annexes.exporting.exports import exported, snippet
 from mapmore_cli.annexes.exporting.templates import notes_of
 from mapmore_cli.domain.errors import MapmoreError, UsageError
-from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.recording import BaseUnits, Quantity
 
 # Comparison with `predict`
 # --------------------------------------------------------------------------------------------------
@@ -134,12 +134,33 @@ def test_variables_of_a_unit_say_what_they_are(monkeypatch):
     assert measured.variability == "discrete"
 
 
+@pytest.mark.parametrize(
+    ("factor", "offset", "scale"),
+    [
+        (1.0, 0.0, {}),
+        (10.0, 0.0, {"factor": 10.0}),
+        (1.0, 273.15, {"offset": 273.15}),
+        (0.0, 1.0, {"factor": 0.0, "offset": 1.0}),
+    ],
+)
+def test_a_unit_of_measurement_states_a_factor_and_an_offset_that_differ_from_the_base_units(
+    factor, offset, scale
+):
+    assert fmu._powers(BaseUnits(factor, offset, {"K": 1})) == {"K": 1, **scale}
+
+
 def test_files_of_a_unit_can_be_read_and_its_library_run(monkeypatch):
     monkeypatch.setattr(fmu, "built", lambda *_: b"library")
     ((_, data),) = exported(pieces(), "fmu", verify=False).items()
     for entry in zipfile.ZipFile(io.BytesIO(data)).infolist():
         expected = 0o755 if entry.filename.startswith("binaries/") else 0o644
         assert (entry.external_attr >> 16, entry.create_system) == (expected, 3)
+
+
+def test_an_inverse_in_c_has_room_for_the_parts_of_the_input_that_has_the_most():
+    inverse = c_source(pieces()).files["dmsp_20_inverse.c"]
+    # 40 intervals between knots, each in 3 parts, whose 4 ends may all be doubled; 64 are divided
+    assert f"#define PLACES {2 * 40 * 4 + 1 + 2 * 64} " in inverse
 
 
 def test_notes_name_inputs_that_are_called_otherwise_and_the_shape():

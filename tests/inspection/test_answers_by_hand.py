@@ -1,6 +1,7 @@
 """Answers of a person: names, quantities and ranges of columns, and the courses that are shown."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from mapmore_cli.annexes.drafting.answers import (
 from mapmore_cli.annexes.drafting.by_person import named_by_person, refuse_choice
 from mapmore_cli.annexes.drafting.columns import TitledColumn
 from mapmore_cli.annexes.drafting.draft import NamedColumn
-from mapmore_cli.annexes.drafting.questions import BLOCKS, course
+from mapmore_cli.annexes.drafting.questions import BLOCKS, course, interview
 from mapmore_cli.domain.errors import UsageError
 
 
@@ -152,3 +153,25 @@ def test_the_course_of_a_column_in_forty_signs():
     assert len(course([np.arange(39.0)])) == 39
     assert course([np.ones(3)]) == "▁▁▁"
     assert course([np.arange(9.0)], 3) == "▁▅█"
+
+
+@pytest.mark.parametrize(("inputs", "names", "count"), [(1, 1, 21), (1, 2, 20), (2, 2, 21)])
+def test_which_questions_are_asked_and_what_they_offer(inputs, names, count):
+    named_ones = {name: NamedColumn(name) for name in ("s1", "s2", "force")}
+    known = SimpleNamespace(
+        columns=named_ones, targets=["force"], inputs=["s1", "s2"][:inputs], conditions=()
+    )
+    table, asked = TABLE | {"run": titled(5, "run", np.arange(count))}, []
+    answers = Answers(target={"force": NamedColumn("force")})
+    interview(
+        *(table, ["run1", "run2"][:names], lambda _: known, answers),
+        lambda question: asked.append(question) or "",
+    )
+    *of_inputs, held_out, groups = asked
+    assert len(of_inputs) == inputs - 1
+    assert [[one.number for one in question.options] for question in of_inputs] == [
+        ["0", "1", "2", "5"]
+    ] * len(of_inputs)
+    assert ("every third recording" in held_out.form) is (names > 1)
+    assert [one.number for one in held_out.options] == ["1", "2"][:inputs]
+    assert ("5" in [one.number for one in groups.options]) is (count <= 20)

@@ -96,6 +96,12 @@ def test_shares_of_settled_samples_at_two_rates(step, unit, window):
     assert settling(parts, unit).share == pytest.approx(settled.share, abs=0.01)
 
 
+def test_a_pressure_at_a_tenth_from_an_end_of_its_range_is_not_in_the_middle():
+    pressure = np.repeat([0.0, 10.0, 90.0, 100.0], 500)
+    settled = settling([recording(time=0.02 * np.arange(2000), pressure=pressure)])
+    assert (settled.share > 0.9, settled.share_between) == (True, 0.0)
+
+
 def test_no_rate_without_a_clock_that_goes_on():
     pressure = np.sin(T)
     assert settling([recording(time=T, pressure=0 * T + 100)]) is None

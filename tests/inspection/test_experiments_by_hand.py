@@ -340,6 +340,7 @@ def test_a_target_was_computed_from_three_samples_of_a_column():
     assert not _is_filtered([x], [wrong])
     assert not _is_filtered([x], [older])
     assert _is_filtered([x, x], [y, y])
+    assert _is_filtered([x[:30]], [y[:30]])
     assert not _is_filtered([x[:29]], [y[:29]])
     assert not _is_filtered([x], [y[:-1]])
 

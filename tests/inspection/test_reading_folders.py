@@ -9,6 +9,7 @@ import pytest
 from recorded import checked, dataset_of, drafted, drafts, loaded, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
+from mapmore_cli.annexes.drafting.reading import table_of
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.annexes.drafting.studies import find_studies
 from mapmore_cli.domain.errors import DataError, SpecError
@@ -248,3 +249,11 @@ def test_a_column_tells_recordings_apart(tmp_path):
     draft = draft.with_data("recordings", {"of": "specimen"})
     with pytest.raises(SpecError, match="no column is called `specimen`"):
         loaded(draft, tmp_path)
+
+
+@pytest.mark.parametrize(("empty", "filled", "read"), [("", 1, 1), ("---", 9, 0), ("---", 10, 10)])
+def test_a_column_may_be_mostly_empty_but_not_mostly_words(tmp_path, empty, filled, read):
+    rows = [f"{k},{k * k % 7},{k if k < filled else empty}" for k in range(20)]
+    (tmp_path / "a.csv").write_text("\n".join(["t [s],F [N],P [kPa]", *rows]))
+    ((study,), _) = find_studies(tmp_path)
+    assert sum(map(len, table_of(study, tmp_path)["P [kPa]"].values)) == read

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from recorded import drafted, drafts, write
 
 from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.preview import preview
-from mapmore_cli.annexes.drafting.studies import find_studies
+from mapmore_cli.annexes.drafting.studies import _copies, find_studies
 from mapmore_cli.domain.errors import DataError
 
 STRAIN = np.linspace(0.0, 0.15, 40)
@@ -224,3 +225,13 @@ def test_rows_without_a_clock_are_asked_for_their_step(tmp_path, said):
         write(tmp_path / f"enc{number}.csv", columns, "n,p [kPa],angle [deg]\n")
     tips = drafted(tmp_path, answers=answers_of(**said)).tips
     assert any("--sample-time 10ms" in tip for tip in tips) == (not said)
+
+
+def test_only_files_of_equal_size_are_compared(tmp_path, monkeypatch):
+    for name, text in (("a", ""), ("b", ""), ("long", "12"), ("x", "3"), ("y", "4")):
+        (tmp_path / name).write_text(text)
+    opened = []
+    whole = Path.open
+    monkeypatch.setattr(Path, "open", lambda one, *a: opened.append(one.name) or whole(one, *a))
+    assert _copies(tmp_path.iterdir()) == {}
+    assert opened == ["x", "y"]

@@ -573,3 +573,15 @@ def test_an_input_that_begins_at_zero_is_not_around_it():
     columns = {"u": u, "v": u**2 - 0.5, "w": -(u**3), "y": u + u**2}
     found = situation_of(dataset_of(columns, {**columns, "u": u + 9}))
     assert (found.around_zero, found.inputs) == (("v",), ("v", "w", "u"))
+
+
+def test_errors_are_fractions_of_the_range_of_the_output_if_it_has_a_range():
+    bench = leveled(1, 2, 4)
+    still = tuple(
+        replace(one, columns={**one.columns, "y": np.full(20, 7.0)}) for one in bench.dataset.curves
+    )
+    for curves, error in ((bench.dataset.curves, 0.02), (still, 0.08)):
+        tried = replace(bench, dataset=replace(bench.dataset, curves=curves))
+        left = [np.full(int(fold.sum()), 0.08) for fold in bench.folds]
+        found = choose_structure([(Tried("simple", "x", {}, parameters=3), left)], tried, 9)
+        assert found.tried[0].error == pytest.approx(error)

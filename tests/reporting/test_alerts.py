@@ -130,6 +130,7 @@ def curve_rows(inputs, model, factors):
         ([0.76, 1.26, 1.76], "near"),  # more by 0.26, whose standard error is 0.5/sqrt(3)
         ([0.8, 1.3, 1.8], None),
         ([0.995] * FEW_CURVES, "near"),  # as the verdict, which sees no difference to speak of
+        ([1.0] * FEW_CURVES, "near"),
         ([0.995], None),
         ([1.01] * (FEW_CURVES - 1), None),
     ],

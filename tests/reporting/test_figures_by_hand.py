@@ -6,17 +6,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from common import curve_of
-from export_samples import FORMULAS
+from export_samples import FORMULAS, STATIC
 from matplotlib.colors import to_rgb
 from report_builder import Recorder
 
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import ErrorBand
 from mapmore_cli.domain.scores import REPEATABILITY
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.reporting.figures import (
     bands,
     colours,
     commands,
+    data,
     drawing,
     error,
     fit,
@@ -76,6 +78,16 @@ def test_bars_of_a_model_stand_around_its_row_the_held_out_one_above_and_solid(i
     ]
     assert ax.named("set_xlim") == [((), {"left": 0})]
     assert not ax.named("axvline")
+    words = [args[0].split(" (published ") for args, _ in ax.named("annotate")]
+    assert [float(error) for error, *_ in words] == pytest.approx(expected, abs=0.005)
+    assert [*map(len, words)] == [2, 1] * 3
+    failed = [
+        replace(s, nrmse=np.nan) if s.model == "sarosi" else s for s in inputs.validation.scores
+    ]
+    study = replace(inputs, validation=replace(inputs.validation, scores=tuple(failed)))
+    ax = calls_of(nrmse.draw(study)[0].panels[0])
+    assert len(ax.named("barh")) == 4
+    assert sum(args[0].startswith("failed") for args, _ in ax.named("annotate")) == 2
     row = next(s for s in inputs.validation.scores if (s.curve, s.split) == ("all", "validate"))
     scores = (*inputs.validation.scores, replace(row, model=REPEATABILITY, nrmse=0.015))
     study = replace(inputs, validation=replace(inputs.validation, scores=scores))
@@ -170,6 +182,54 @@ def test_a_loop_is_cut_where_samples_are_not_held_out():
     assert panel.data["y [mm]"].tolist() == [0, 1, 9, 16, 25]
 
 
+def test_a_model_is_drawn_for_each_training_curve_and_each_held_out_curve(monkeypatch):
+    model, ax = STATIC["two variables"], Recorder()
+    speed = np.array([0.2, 0.1, 0.3])
+    columns = {"speed": speed, "force": 1e3 * speed, "strain": speed, "pressure": 200 + speed}
+    held_out = [replace(curve_of(columns), id=name) for name in ("a", "b")]
+    commands.draw_model(ax, model, None, held_out)
+    lines = ax.named("plot")
+    models = [(args, look) for args, look in lines if "label" in look]
+    count = len(model.body.curves)
+    assert [look["color"] for _, look in models] == style.level_colours(count + 2)
+    assert [args[2] for args, _ in models] == ["-"] * count + ["--"] * 2
+    for (x, y, _), curve in zip((args for args, _ in models), model.body.curves, strict=False):
+        assert (x[0], x[-1]) == curve.limits["speed"]
+        strain = np.full(len(x), np.mean(curve.limits["strain"]))
+        at = {"speed": x, "strain": strain, "pressure": np.full(len(x), curve.level)}
+        np.testing.assert_array_equal(y, predict(model, at))
+    assert [look["label"] for _, look in models[-2:]] == ["a, held out", "b, held out"]
+    assert [[*map(list, args)] for args, look in lines if "label" not in look] == [
+        [[0.1, 0.2, 0.3], [100, 200, 300]]
+    ] * 2
+    assert not ax.named("fill_between")
+    monkeypatch.setattr(commands, "half_widths_of", lambda *_: 2.0)
+    commands.draw_model(ax, model, 0.95, [])
+    for (_, low, high), ((_, y, _), _) in zip(
+        (args for args, _ in ax.named("fill_between")), models, strict=False
+    ):
+        np.testing.assert_allclose([low, high], [y - 2, y + 2])
+
+
+def test_a_recording_has_an_axis_for_each_quantity_of_any_recording(inputs):
+    one, *_ = inputs.dataset.recordings
+    series = {"time": 0.1 * np.arange(4), "force": np.arange(4.0), "strain": np.ones(4)}
+    sets = (("force", "time", "strain"), ("force",), ("time",))
+    recordings = tuple(
+        replace(one, id=str(place), columns={name: series[name] for name in names})
+        for place, names in enumerate(sets)
+    )
+    whole = replace(inputs.whole, recordings=recordings)
+    (figure,) = data.draw(replace(inputs, whole=whole))
+    assert [(panel.x_label, panel.y_labels) for panel in figure.panels] == [
+        ("Time (s)", ("Force\n(N)", "Strain\n(–)")),
+        ("Sample (–)", ("Force\n(N)", "")),
+        ("Time (s)", ("", "")),
+    ]
+    assert figure.grid.stack == (1.0, 1.0)
+    assert figure.grid.height == pytest.approx(0.3 + 2 * 0.95)
+
+
 def test_a_drift_is_in_per_cent_of_the_first_campaign():
     points = [
         SimpleNamespace(inputs={"p": 100.0, "x": 0.12345}, outputs=(50.0, 55.0)),
@@ -208,7 +268,7 @@ def test_colours_of_a_map_lie_between_its_neighbours():
     assert colours.colour_at("Blues", -1.0) == "#f7fbff"
     assert colours.colour_at("Blues", 1.0) == "#08306b"
     assert colours.colour_at("Blues", 0.25 / 8) == "#f1f7fd"  # a quarter from f7fbff to deebf7
-    assert (colours.hex_of("0.2"), colours.hex_of("#123")) == ("#333333", "#123")
+    assert (colours.hex_of("0.8"), colours.hex_of("#123")) == ("#cccccc", "#123")
     shades = colours.Shades("Blues", np.array([0.0, 1.0, 2.0, 3.0]))
     ends = colours.colour_at("Blues", 0.0), colours.colour_at("Blues", 1.0)
     found = shades.of(np.array([-5.0, 0.5, 1.0, np.nan, 2.0, 9.0]))
@@ -238,6 +298,13 @@ def test_a_sketch_draws_bars_areas_and_dots_at_their_places():
     )  # fmt: skip
     assert '<circle cx="10.0" cy="20.0" r="2" fill="#f7fbff"/>' in dots
     assert 'stroke="#333333" stroke-width="0.3"' in dots
+    limits = ("set_xlim", (2.0, 6.0), {}), ("set_ylim", (1.0, 4.0), {})
+    for name, args, line in (
+        ("axhline", (3.0,), "M20 30l40 0"),
+        ("axvline", (3.0,), "M30 10l0 30"),
+        ("vlines", ([3.0], 1.0, [2.0]), "M30 10l0 10"),
+    ):
+        assert f'd="{line}"' in svg_of((name, args, {}), *limits)[1]
     ranges = ("set_ylim", (1.0, 4.0), {}), ("axvspan", (2.0, 3.0), {"color": "#444"})
     assert '<rect x="20.00" y="10.00" width="10.00" height="30.00"' in svg_of(*ranges)[1]
 
@@ -285,3 +352,11 @@ def test_panels_stand_in_rows_of_three_or_of_two_if_they_are_four():
         assert (plan.columns, plan.width) == (columns, 3.5 if count == 1 else drawing.DOUBLE)
         narrow = drawing.arranged(figure, style.PLAIN, width=drawing.DOUBLE * 0.7)
         assert narrow.columns == max(1, int(columns * 0.7))
+
+
+@pytest.mark.parametrize(
+    ("count", "width", "columns"), [(5, 3.0, 5), (5, 2.0, 3), (4, 2.0, 2), (5, 1.0, 1), (5, 0.1, 1)]
+)
+def test_entries_of_a_legend_are_in_rows_of_nearly_equal_length(count, width, columns):
+    """An entry with two letters of 8 points is 9.6 times 4.4 points, or 0.587 inches, wide."""
+    assert drawing.legend_columns(["a", *["ab"] * (count - 1)], width, 8.0) == columns

@@ -7,6 +7,7 @@ import re
 from dataclasses import replace
 
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 from report_builder import all_named
 
@@ -16,6 +17,7 @@ from mapmore_cli.reporting.figures.drawing import (
     DOTS_PER_INCH,
 )
 from mapmore_cli.reporting.inputs import FigureStyle
+from mapmore_cli.reporting.pgf import to_pgf
 from mapmore_cli.reporting.report import write_report
 from mapmore_cli.reporting.sections import all_tables
 from mapmore_cli.reporting.table import Column, Table, to_csv, to_latex
@@ -87,6 +89,15 @@ def test_names_do_nothing_in_tex(tmp_path):
         ]
         assert found == [], path.name
     assert all(len(path.name) < 120 and "/" not in path.stem for path in files)
+
+
+def test_a_formula_in_a_figure_is_a_formula_in_tex():
+    figure = Figure()
+    figure.text(0.5, 0.5, "$x_1$")
+    figure.text(0.5, 0.1, "$x_2$", parse_math=False)
+    written = to_pgf(figure)
+    assert "$x_1$" in written
+    assert r"\$x\_2\$" in written
 
 
 def test_what_tex_reads_is_text():

@@ -219,8 +219,8 @@ worse is said to be worse
     mapmore .02, sarosi .01
     HEAD; BEST 1 %: mapmore is worse (2 times the RMSE).
 nearly equal is no victory
-    mapmore .02, sarosi .0201
-    HEAD; BEST 2.01 %: no difference to speak of.
+    mapmore .02, sarosi .020201
+    HEAD; BEST 2.02 %: no difference to speak of.
 training errors are called by their name
     mapmore .02 train, sarosi .04 train
     on its own training data (nothing was held out, so this says little about new data); \

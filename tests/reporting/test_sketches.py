@@ -22,7 +22,7 @@ from mapmore_cli.reporting.figures.style import PLAIN
 from mapmore_cli.reporting.figures.surface import sheet_of
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
-from mapmore_cli.reporting.report import numbers_of
+from mapmore_cli.reporting.report import data_csv, numbers_of
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +43,8 @@ def test_every_figure_of_a_page_is_a_quick_drawing(inputs, name):
         words = texts(figure.svg)
         for panel in drawing.panels:
             assert panel.x_label in words
+        baselines = map(float, re.findall(r'<tspan x="[^"]*" y="([^"]*)"', figure.svg))
+        assert min(baselines) >= inputs.style.size - 1, "letters lie within their panel"
         assert not {"nan", "inf"} & {*figure.svg.replace('"', " ").split()}
 
 
@@ -259,4 +261,5 @@ def test_names_in_the_numbers_of_a_figure_are_no_formulas():
     data = {"=x": np.array([1 / 3, np.nan]), "data": np.array(["train", "=1+1"])}
     panel = Panel("=a", lambda _ax: None, "x", ("y",), data)
     text = numbers_of(Drawing("q", "", (panel,), Layout()))
+    assert data_csv({"x": np.array([1 / 3, 2.0])}) == "x\n0.333333333333\n2\n"  # twelve in files
     assert text == "panel,'=x,data\n'=a,0.333333,train\n'=a,,'=1+1\n"

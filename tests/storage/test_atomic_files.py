@@ -169,7 +169,7 @@ def test_places_that_cannot_be_the_folder_of_a_run(tmp_path, monkeypatch):
     # permissions do not bind the superuser
     monkeypatch.setattr(os, "access", lambda _path, _mode: False)
     with pytest.raises(WriteError, match="may not write"):
-        open_run_folder(tmp_path / "demo")
+        open_run_folder(tmp_path / "my" / "demo")
 
 
 def new_report(run_dir, text, known=run_folder.NOTHING):

@@ -20,6 +20,7 @@ from used_files import use
 import mapmore_cli
 from mapmore_cli.annexes.motion.body import Motion, MotionSection, StateSpace
 from mapmore_cli.annexes.sums import Part, Sum
+from mapmore_cli.cli.views import of_stage
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.fits import MemoryModel, StateSet
 from mapmore_cli.domain.models import Memory
@@ -327,6 +328,12 @@ def test_a_changed_value_is_found_by_the_checksum(kind, tmp_path):
     told = []
     read(path, told.append, True)
     assert "checksum does not match" in told[0]
+
+
+def test_a_changed_file_of_a_stage_is_not_shown(model):
+    changed(model, put("notes", ["other"]))
+    with pytest.raises(DataError, match="the checksum does not match"):
+        of_stage("fuse", model.parent)
 
 
 def test_a_file_without_a_checksum_is_told(model):

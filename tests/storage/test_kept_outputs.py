@@ -20,7 +20,7 @@ from mapmore_cli.storage.outputs import (
 
 
 def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
-    place = tmp_path / "new"
+    place = tmp_path / "not" / "there"
     assert write_chosen(place, {"a.c": b"1", "b.csv": b"1"}) == [place / "a.c", place / "b.csv"]
     write_chosen(place, {"a.c": b"2", "b.csv": b"1"})
     (place / "d.c").write_bytes(b"/* mine, beside the code of mapmore */")

@@ -37,7 +37,7 @@ def module_file(model: Model, wanted: Wanted, plain: bool = False) -> dict[str, 
     return {name: text}
 
 
-def python_module(model: Model, plain: bool = False) -> tuple[str, str]:
+def python_module(model: Model, plain: bool) -> tuple[str, str]:
     """Return name and text of a module that uses NumPy, or of a module in `plain` Python.
 
     For a model without memory, the module has the function `evaluate` of all inputs. For a model

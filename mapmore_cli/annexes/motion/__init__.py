@@ -66,4 +66,6 @@ def _verbs() -> Verbs:
     return MotionVerbs()
 
 
-KIND = MotionKind("state_space", StateSpace, MotionFit, _verbs, True, MotionSettings)
+KIND = MotionKind(
+    "state_space", StateSpace, MotionFit, _verbs, over_time=True, settings=MotionSettings
+)

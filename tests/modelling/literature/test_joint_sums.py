@@ -190,6 +190,8 @@ def test_a_part_that_feeds_another_has_a_range_as_well():
     inputs = Quantity("v", "kPa"), Quantity("strain", "1")
     columns = {"v": np.array([300.0, 600.0]), "strain": np.array([0.05, 0.05])}
     model = Model("whole", FORCE, inputs, Sum((fed,)))
+    behind = {"pressure": predict(valve, columns | {"pressure": columns["v"]})}
+    np.testing.assert_allclose(predict(model, columns), predict(fed.model, columns | behind))
     assert outside_range(model, columns).tolist() == [False, True]
 
 

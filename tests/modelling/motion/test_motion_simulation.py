@@ -31,7 +31,7 @@ from mapmore_cli.annexes.motion.simulation import (
 from mapmore_cli.domain.errors import FitError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.kinds import parameters
+from mapmore_cli.modelling.kinds import parameters, runs_over_time
 from mapmore_cli.modelling.memory.records import AtSample
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
@@ -253,3 +253,4 @@ def test_inputs_are_the_driving_one_and_what_drives_beside_it_by_their_names():
 def test_a_section_has_two_poles_and_its_weights(name, count):
     model = Model("a", Quantity("y", "mm"), (), StateSpace(published(name), ()))
     assert parameters(model) == count
+    assert runs_over_time(model)

@@ -272,7 +272,7 @@ WRONG = {
         ["row 2, column F: '1.500'", 'decimal: "."']),
     "commas unannounced": (b"t;F\n0;1,5\n", NAMES, SEMICOLON,
         ["a.csv:row 2, column F: '1,5' is not a number", 'decimal: ","']),
-    "misspelt column": (b"time,Pressure\n0,1\n", ("Presure",), {}, ["no column 'Presure'",
+    "misspelt column": (b"time,Pressure,20\n0,1,2\n", ("Presure",), {}, ["no column 'Presure'",
         "Did you mean 'Pressure'?", "time, Pressure"]),
     "other capitals": (b"T\n0\n", ("t",), {}, ["Did you mean 'T'?"]),
     "column twice": (b"F,F\n0,1\n", ("F",), {}, ["'F' occurs 2 times", "index"]),

@@ -82,3 +82,11 @@ def test_one_column_is_read_without_the_others(tmp_path):
         made.create_dataset("wide", shape=(6, 10**10), chunks=(6, 1000), dtype="f8", fillvalue=3.0)
     table = read(tmp_path / "wide.h5", "wide[:,5]", incomplete=True)
     np.testing.assert_array_equal(table.columns["wide[:,5]"], [np.nan] * 6)
+
+
+def test_a_file_is_of_matlab_if_one_of_its_members_is(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as made:
+        made["P"], made["other"] = np.stack([T, T + 1]), T
+        made["P"].attrs["MATLAB_class"] = b"double"
+    table = table_of("hdf5", tmp_path / "a.h5", "P[:,1]")
+    np.testing.assert_array_equal(table.columns["P[:,1]"], T + 1)

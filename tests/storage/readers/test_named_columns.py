@@ -2,10 +2,13 @@
 
 import struct
 import zipfile
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 from reading import refusal, table_of
+
+from mapmore_cli.study.sections.logs import Logs
 
 pa = pytest.importorskip("pyarrow")
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -103,3 +106,12 @@ def test_units_that_a_table_in_parquet_notes(tmp_path, key, of_frame):
     parquet.write_table(pa.table({"P": T, "F": T}, schema=schema), tmp_path / "a.parquet")
     noted = table_of("parquet", tmp_path / "a.parquet", "P", "F").noted
     assert (noted["P"].unit, noted["F"].unit) == ("psi", "")
+
+
+@pytest.mark.parametrize("reader", ["parquet", "tdms", "npz", "hdf5"])
+def test_columns_of_some_formats_have_no_numbers(reader):
+    spec = {"files": ["a"], "reader": reader, "columns": {"F": {"column": 0}}, "sample_time": 1}
+    refused = reader in ("parquet", "tdms")
+    words = "finds columns by name, not by number"
+    with pytest.raises(ValueError, match=words) if refused else nullcontext():
+        Logs.model_validate(spec)

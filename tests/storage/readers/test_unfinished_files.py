@@ -117,6 +117,14 @@ def test_fields_of_records_that_were_never_written(tmp_path):
         table_of("hdf5", tmp_path / "a", "log/t", "log/P")
 
 
+def test_rows_of_a_matrix_that_were_never_written_are_missing(tmp_path):
+    with h5py.File(tmp_path / "a", "w") as file:
+        file.create_dataset("log", (40, 2), "f8", chunks=(10, 2))[:15] = 1.0
+    table = table_of("hdf5", tmp_path / "a", "log[:,1]", incomplete=True)
+    expected = np.where(np.arange(40) < 15, 1.0, np.nan)
+    np.testing.assert_array_equal(table.columns["log[:,1]"], expected)
+
+
 def test_durations_are_seconds_in_the_column_of_the_time(tmp_path):
     pa, parquet = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
     for kind, one in (("s", 1), ("ms", 1000), ("us", 10**6), ("ns", 10**9)):

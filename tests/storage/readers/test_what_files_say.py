@@ -43,6 +43,11 @@ STORED = {
         {"valid_range": [1.0, 10.0], "scale_factor": 0.1},
         [NAN, 5, NAN],
     ),
+    "valid range, one end as meant": (
+        SHORTS,
+        {"valid_min": np.int16(1), "valid_max": 10.0, "scale_factor": 0.1},
+        [NAN, 5, NAN],
+    ),
     "valid_min as stored": (
         SHORTS,
         {"valid_min": np.int16(40), "scale_factor": 0.1},

@@ -1,3 +1,4 @@
+import subprocess
 import zipfile
 from datetime import datetime, time, timedelta
 from functools import partial
@@ -8,6 +9,7 @@ from reading import other_workbook, refusal, table_of, workbook
 
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.storage.readers import xlsx
 from mapmore_cli.study.sections.logs import Logs
 
 TABLE = [["t", "F", "note"], [0, 1.5, "a"], [0.5, -2, None], [], [1.0, None, "b"]]
@@ -178,3 +180,23 @@ def test_bombs_are_not_unpacked(tmp_path, monkeypatch):
         archive.writestr("xl/sharedStrings.xml", b" " * 5_000_000)
     with pytest.raises(DataError, match=r"sharedStrings\.xml unpacks from 0\.0\d+ MB to 5 MB"):
         read(bomb, 0)
+
+
+def test_a_large_workbook_may_take_more_memory_and_time(tmp_path, monkeypatch):
+    given = []
+
+    def run(line, **_):
+        given.append([int(number) for number in line[-2:]])
+        return subprocess.CompletedProcess(line, 0, b"[]")
+
+    monkeypatch.setattr(xlsx.subprocess, "run", run)
+    for size in (1, 3_000_000):
+        (tmp_path / "a.xls").write_bytes(bytes(size))
+        xlsx._sheets_in(tmp_path / "a.xls", "a.xls")
+    assert given == [[10**9 + 200, 10], [10**9 + 200 * 3_000_000, 13]]
+
+
+def test_a_column_with_a_cell_in_per_cent_is_a_ratio():
+    for cells, units in (((xlsx.Percentage(0.5), 2.0), ("1", "")), ((0.5, 2.0), ())):
+        sheet = xlsx.SheetCells("a", True, [["x", "F"], [*cells]], [], [])
+        assert xlsx._ratios_in(sheet) == units
