@@ -219,14 +219,15 @@ def _written(dataset: h5py.Dataset, selection: Selection, values: Values) -> Val
     if values.dtype.kind not in "iuf" or (parts := _parts_written(dataset)) is None:
         return values
     absent = np.ones(values.shape, dtype=bool)
+    whole = (*selection, *(slice(None),) * (dataset.ndim - len(selection)))
     for part in parts:
-        whole = (*selection, *(slice(None),) * (len(part) - len(selection)))
         pairs = list(zip(whole, part, strict=True))
         if all(isinstance(one, slice) or one in indices for one, indices in pairs):
             absent[tuple(slice(r.start, r.stop) for one, r in pairs if isinstance(one, slice))] = 0
     if absent.ndim == 1 and dataset.chunks and not dataset.dtype.names:
+        [axis] = [at for at, one in enumerate(whole) if isinstance(one, slice)]
         for end in np.flatnonzero(absent[1:] & ~absent[:-1]) + 1:
-            begin = max(end - max(dataset.chunks), 0)
+            begin = max(end - dataset.chunks[axis], 0)
             is_filled = np.cumsum((values[begin:end] != dataset.fillvalue)[::-1])[::-1] == 0
             absent[begin:end] |= is_filled
     return np.where(absent, np.nan, values)

@@ -123,6 +123,11 @@ def test_rows_of_a_matrix_that_were_never_written_are_missing(tmp_path):
     table = table_of("hdf5", tmp_path / "a", "log[:,1]", incomplete=True)
     expected = np.where(np.arange(40) < 15, 1.0, np.nan)
     np.testing.assert_array_equal(table.columns["log[:,1]"], expected)
+    with h5py.File(tmp_path / "b", "w") as file:  # zeros, of which the first chunk is complete
+        file.create_dataset("log", (40, 64), "f8", chunks=(10, 32))[:20] = 0.0
+    table = table_of("hdf5", tmp_path / "b", "log[:,1]", incomplete=True)
+    expected = np.where(np.arange(40) < 10, 0.0, np.nan)
+    np.testing.assert_array_equal(table.columns["log[:,1]"], expected)
 
 
 def test_durations_are_seconds_in_the_column_of_the_time(tmp_path):
