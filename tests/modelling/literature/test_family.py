@@ -139,6 +139,11 @@ def test_the_text_of_a_definition_does_not_hang_on_the_order_of_its_keys():
     turned = [dict(reversed(one.items())) for one in (bounds, units)]
     own = definition("own", "here", "a*exp(b*x)", bounds, units)
     assert own == definition("own", "here", "a*exp(b*x)", *turned)
+    wide = definition("own", "here", "f*p + e*q + d*r + c*s + b*t", dict.fromkeys("tpsqr"), {})
+    assert (formula_of(wide).parameters, formula_of(wide).inputs) == (
+        tuple("pqrst"),
+        tuple("bcdef"),
+    )
     for text in (own, FamilySettings(of="length").definition(1.0)):
         assert text == json.dumps(json.loads(text), sort_keys=True)
 
