@@ -122,9 +122,9 @@ def delayed(x: Array, steps: int, before: Array) -> Array:
     return np.concatenate([np.full(steps, np.nan), before, x])[len(before) :][: len(x)]
 
 
-def memory_inputs(memory: MemoryModel) -> tuple[str, ...]:
+def memory_inputs(memory: MemoryModel) -> set[str]:
     """Return every quantity from which the states are computed, except the output."""
-    return tuple(sorted({state(name).quantity for name in memory.states.names} - {memory.output}))
+    return {state(name).quantity for name in memory.states.names} - {memory.output}
 
 
 def resolve_states(
