@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from memory_samples import record
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.expressions import parse, to_text
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import state
 from mapmore_cli.modelling.memory.feedback import looks_back, parted, parts_of_terms
-from mapmore_cli.modelling.memory.free_parameters import ALL, AT_BOUND, Unknown
+from mapmore_cli.modelling.memory.free_parameters import ALL, AT_BOUND, Unknown, left_open
 from mapmore_cli.modelling.memory.refinement import (
     THOROUGH,
     FreeRunProblem,
@@ -135,6 +136,15 @@ def test_mixed_factors_cannot_be_parted():
 )
 def test_which_states_look_back(name, back):
     assert looks_back(state(name)) is back
+
+
+def test_what_the_terms_leave_open_is_searched_up_to_the_longest_record():
+    """Of its training samples; a state comes after those from which it is computed."""
+    records = [record(np.arange(12) < n, x=np.zeros(12)) for n in (4, 9, 7)]
+    terms = ["slow(wen(x))*slow(y[k-1], 2)", "wen(x)*play(x, 0.1)", "x^2"]
+    found = left_open(records, terms, 0.5)
+    assert found.states == (state("wen(x)"), state("slow(wen(x))"))
+    assert (found.step, found.longest, left_open([], terms, 0.5).longest) == (0.5, 4.5, 0.5)
 
 
 UNKNOWN = Unknown((state("wen(x)"), state("slow(y[k-1])")), 0.1, 50.0)
