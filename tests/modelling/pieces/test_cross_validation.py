@@ -306,7 +306,12 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
     samples, made = scattered(noise=8.0, seed=seed), recipe(**OF_SURFACE)
     whole = on_polynomial(samples, **OF_SURFACE)
     kept = with_trusted_residual(whole, samples, made, QUANTITIES)
-    share = leave_out(samples, made, QUANTITIES, "polynomial_2", inner_folds(samples, made)).share
+    left_out = leave_out(samples, made, QUANTITIES, "polynomial_2", inner_folds(samples, made))
+    share = left_out.share
+    tried = {BACKBONE: 0, RESIDUAL: 1} | ({SHRUNKEN: share} if share else {})
+    assert {error.choice: error.rmse for error in kept.body.cross_validation} == {
+        choice: left_out.rmse(own) for choice, own in tried.items()
+    }
     columns = samples[0].columns
     alone = backbone_of(whole, columns)
     expected = alone + share * (predict(whole, columns) - alone)
