@@ -17,7 +17,6 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.backbone_choice import (
     FEW,
-    MARGIN,
     choose_backbone,
     possible_backbones,
     simplest_backbone,
@@ -239,7 +238,7 @@ def test_candidates_are_the_static_formulas_of_the_inputs():
     )
 )
 def test_the_simplest_within_the_margin_is_taken(errors):
-    chosen, near = simplest_backbone(errors), (1 + MARGIN) * min(errors.values())
+    chosen, near = simplest_backbone(errors), 1.02 * min(errors.values())
     sizes = {name: len(literature.get(name).parameters) if name else 0 for name in errors}
     assert errors[chosen] <= near
     assert all(errors[name] > near for name in errors if sizes[name] < sizes[chosen])
