@@ -121,6 +121,12 @@ def test_operators_follow_their_laws(name):
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9)
 
 
+def test_a_state_that_grows_without_bound_remains_a_number():
+    far = np.array([0.0, 20.0, -20.0, 20.0])  # ranges of training
+    found = along(OPERATORS["wen_stiffening"], far, Setting((-60.0, 8.0), STEP, (0.0, 1.0)))
+    assert np.abs(found).max() == pytest.approx(np.expm1(700) / 60)
+
+
 RATE = (0, 1e4)
 WIDTHS = [(1e-3, 0.5)], 5, (0.02,), (0.35,)
 SEARCHES = {
