@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -50,10 +50,10 @@ class Workspace:
     spec_dir: Path
     progress: Progress
     warn: Warn
-    needed: Mapping[str, Path] = field(default_factory=dict)
-    spec_text: str = ""
-    searched: bool = False
-    tables: Mapping[str, RawTable] = field(default_factory=dict)
+    needed: Mapping[str, Path]
+    spec_text: str
+    searched: bool
+    tables: Mapping[str, RawTable]
 
     @property
     def files(self) -> RunFiles:

@@ -101,8 +101,8 @@ class Source(Log):
 
     id: str
     constants: Mapping[str, float]
-    keep: Sequence[Keep] = ()
-    joined: tuple[Log, ...] = ()
+    keep: Sequence[Keep]
+    joined: tuple[Log, ...]
 
 
 Entries = Sequence[str | FileEntry]

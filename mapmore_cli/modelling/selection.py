@@ -159,4 +159,4 @@ class MemoryRecipe(Fit):
     target: str
     dictionary: tuple[str, ...]
     step: float
-    ordered: bool = False
+    ordered: bool

@@ -59,7 +59,7 @@ def is_foreign(path: Path, options: TableOptions) -> bool:
     return not is_text or is_binary(head) or encoding_of(head).startswith("utf-16")
 
 
-def columns_of(model: Model, solved_for: str | None = None) -> Sequence[Sequence[str]]:
+def columns_of(model: Model, solved_for: str | None) -> Sequence[Sequence[str]]:
     """Return the sets of columns with which a table can be used for the model; the table must have
     all columns of one set. Rates and directions that are inputs of the model are columns in the
     first set. In the second set, they are computed from other columns. If the model is inverted for

@@ -68,8 +68,8 @@ class Finished:
     published: Published | None
     limits: tuple[Limit, ...]
     warnings: tuple[str, ...]
-    seconds: float = 0.0
-    alerts: tuple[Alert, ...] = ()
+    seconds: float
+    alerts: tuple[Alert, ...]
 
     @classmethod
     def of(

@@ -45,7 +45,7 @@ class ReportSlice:
     # `level` if cross-validation leaves out one level after the other, `group` if it leaves out
     # one group after the other; empty without cross-validation
     left_out: str
-    unconfirmed: tuple[str, ...] = ()
+    unconfirmed: tuple[str, ...]
 
 
 def report_slice(spec: ExperimentSpec) -> ReportSlice:

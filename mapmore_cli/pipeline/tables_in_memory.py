@@ -197,7 +197,7 @@ def write_tables(tables: Mapping[str, RawTable], folder: Path) -> list[Path]:
         with replacing(path) as raw, h5py.File(raw, "w") as file:
             file.attrs["creator"] = "mapmore"
             for name, values in table.columns.items():
-                file.create_dataset(name, data=values, track_times=False)
+                file.create_dataset(name, data=values)
     note_chosen(folder, [path.name for path in paths])
     return paths
 

@@ -302,7 +302,7 @@ def moved_path(path: str, info: SerializationInfo, bare: bool) -> str:
     return from_folder(path, written_in, folder, bare)
 
 
-def from_folder(path: str, written_in: Path, folder: Path, bare: bool = False) -> str:
+def from_folder(path: str, written_in: Path, folder: Path, bare: bool) -> str:
     """Rewrite a path that is relative to the folder `written_in`, so that it is relative to
     `folder`. If `bare` is True, a name without a folder stays unchanged.
     """

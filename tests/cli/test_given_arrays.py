@@ -310,3 +310,12 @@ def test_every_use_of_a_model_has_the_same_door():
         fitted(pressure=2 * UNITS.mm, strain=0.1)
     with pytest.raises(DataError, match="`strain`: true and false"):
         fitted.invert("pressure", force=100, strain=True)
+
+
+def test_a_table_in_memory_cannot_change_the_arrays_of_its_owner():
+    given = np.arange(3.0)
+    columns = tables_of([{"pressure": given}], {"pressure": "pressure"}, {})["recording_1"].columns
+    assert np.shares_memory(columns["pressure"], given)
+    with pytest.raises(ValueError, match="read-only"):
+        columns["pressure"][0] = 1
+    given[0] = 5  # its owner can

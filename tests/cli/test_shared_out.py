@@ -33,6 +33,7 @@ def python(script, threads="1", code=0):
 
 
 LARGE = "print([len(t) for t in shared_out(lambda n: 'x' * 10**6 * n, items, workers=3)])"
+FORKS = "print([*{n == me for n in shared_out(lambda item: os.getpid(), items, workers=2)}])"
 FAILS = """
 try:
     shared_out(lambda item: 1 / (item - 5), items, workers=4)
@@ -91,6 +92,7 @@ ENDS = {
         pytest.param(LARGE, str([10**6 * n for n in range(10)]), id="results larger than a pipe"),
         pytest.param(FAILS, "0", id="an error is that of the item"),
         pytest.param(INTERRUPTED, "0", id="no fork outlives an interruption"),
+        pytest.param(FORKS, "[False]", id="the forks do the work"),
         pytest.param(REFUSED, "True", id="where no process can be made all is done here"),
         pytest.param(THREADS, f"{PROCESSORS} True 1", id="a process with threads has no forks"),
         *(

@@ -73,6 +73,7 @@ def test_text_for_xml_and_tex(text):
 
 
 def test_labels_in_tex_keep_formulas_and_nothing_else():
+    assert foreign.tex_label("$a_{1}$, $b_{1$, $}{$") == r"$a_{1}$, \$b\_\{1\$, \$\}\{\$"
     assert foreign.tex_label(r"Force $F_\mathrm{x}$ (N)") == r"Force $F_\mathrm{x}$ (N)"
     assert (
         foreign.tex_label(r"\$\input{a}\$ $F$")

@@ -11,7 +11,7 @@ from surfaces import QUANTITIES
 
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.models import Formula, Model
-from mapmore_cli.domain.recording import Curve, CurveRange, Dataset, Quantity
+from mapmore_cli.domain.recording import DAMPING, STATIC_FORCE, Curve, CurveRange, Dataset, Quantity
 from mapmore_cli.domain.results import FitResult
 from mapmore_cli.fitting import competitors
 from mapmore_cli.fitting.competitors import Contest, Rival
@@ -224,7 +224,8 @@ def test_a_backbone_and_an_arx_stand_beside_models_that_have_them(monkeypatch):
     assert pieces.simple_beside(["sarosi", "arx"]) == ("plane", "quadratic", "cubic")
 
 
-def test_a_composite_adds_damping_without_what_is_left_at_rest(tmp_path):
+@pytest.mark.parametrize("target", ["force", DAMPING])
+def test_a_composite_adds_damping_without_what_is_left_at_rest(tmp_path, target):
     """The static part misses 30 N, which is no damping."""
     static, resting = model_of("polynomial_2"), np.arange(60) >= 40
     write_model(tmp_path / "model.h5", static)
@@ -232,8 +233,10 @@ def test_a_composite_adds_damping_without_what_is_left_at_rest(tmp_path):
     rate = np.where(resting, 0.0, 1 + np.sin(np.arange(60)))
     columns = {"pressure": np.linspace(100, 300, 60), "strain": 0.1 + 0 * rate, "strain_rate": rate}
     held = predict(static, columns)
-    made = dataset_of({**columns, "force": held + 30 + 5 * rate}, output="force")
+    columns |= {"force": held + 30 + 5 * rate, STATIC_FORCE: held + 30, DAMPING: 5 * rate}
+    made = dataset_of(columns, output=target)
     curves = (replace(made.curves[0], at_rest=resting),)
     asked = Competitor(static="polynomial_2", damping="linear_viscous")
     rival = contest(dataset=replace(made, curves=curves), static_run=tmp_path).rival(asked)
-    np.testing.assert_allclose(rival.forecasts[0].values, held + 5 * rate, rtol=1e-6)
+    expected = 5 * rate + (held if target == "force" else 0)
+    np.testing.assert_allclose(rival.forecasts[0].values, expected, rtol=1e-6, atol=1e-6)

@@ -160,6 +160,21 @@ def test_time_constants_are_spread_over_the_longest_recording():
     assert taus == pytest.approx(spread_times(3, 0.1, 10.0), rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("terms", "first"), [(["x[k-2]"], 0), (["x", "y[k-1]"], 5), (["y[k-1]", "x*y[k-2]"], 7)]
+)
+def test_a_recording_begins_with_the_outputs_that_are_fed_back(terms, first):
+    """Outputs that are held out are not known; they are the first five and the seventh."""
+    choices = model_choices(
+        ExperimentSpec.model_validate({**SPEC, "dictionary": [{"terms": terms}]})
+    )
+    held, x = np.isin(np.arange(60), [0, 1, 2, 3, 4, 6]), np.sin(np.arange(60.0))
+    columns = {"time": np.arange(60.0), "x": x, "y": np.arange(60.0)}
+    ((record,), _) = _asked(choices, dataset_of(columns, held_out=held), None)
+    assert record.columns["time"].tolist() == [*range(first, 60)]
+    assert np.isnan(record.columns["y"]).tolist() == held[first:].tolist()
+
+
 def test_the_progress_of_a_fit_counts_its_segments():
     halves = {"segment": {"x": {"method": "even", "count": 2, "min_samples": 2}}}
     choices = model_choices(ExperimentSpec.model_validate({**SPEC, **halves}))

@@ -8,7 +8,7 @@ import pytest
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Recording
-from mapmore_cli.ingestion import curves
+from mapmore_cli.ingestion import curves, held_out
 from mapmore_cli.ingestion.curves import (
     LevelPart,
     LevelSet,
@@ -18,6 +18,7 @@ from mapmore_cli.ingestion.curves import (
     with_damping,
     with_plateau,
 )
+from mapmore_cli.study.sections.split import Between
 
 LEVELS = LevelSet("P", np.array([100.0, 200.0, 400.0]), 5.0)
 
@@ -50,6 +51,19 @@ def test_samples_belong_to_the_level_within_its_reach():
     np.testing.assert_array_equal(found, [100, 100, np.nan, np.nan, 200, 400, np.nan])
     assert LEVELS.describe() == "levels of P: 100, 200, 400 (within 5)"
     assert LevelSet("P", np.array([100.0]), np.inf).describe() == "levels of P: 100 (all samples)"
+
+
+def test_held_out_values_are_met_up_to_rounding_and_intervals_with_their_ends():
+    """By a relative 1e-9, and an absolute 1e-12 next to zero."""
+    beyond = np.array([-1.1, -0.9, 0.9, 1.1])
+    near = [SimpleNamespace(columns={"P": part}) for part in (1e-12 * beyond, 200 + 2e-7 * beyond)]
+    assert held_out._within(near, "P", [0.0, 200.0]).tolist() == 2 * [False, True, True, False]
+    parts = [SimpleNamespace(columns={"P": np.array([1.0, 2.0, 3.0, 4.0, 5.0])})]
+    between = Between(between=[(2.0, 3.0), (4.5, 9.0)])
+    assert held_out._within(parts, "P", between).tolist() == [False, True, True, False, True]
+    with pytest.raises(DataError, match="P is never 6") as caught:
+        held_out._within(parts, "P", [5.0, 6.0])
+    assert "P goes from 1 to 5" in caught.value.remedy
 
 
 def recording(name, pressure):

@@ -14,10 +14,12 @@ from mapmore_cli.annexes.drafting.answers import Answers, read_names
 from mapmore_cli.annexes.drafting.draft import Draft
 from mapmore_cli.annexes.drafting.reading import read_draft
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.ingestion.reading import unwrapped
+from mapmore_cli.ingestion.reading import _in_model_units, unwrapped
 from mapmore_cli.modelling.signals.sampling import longest_ascent
 from mapmore_cli.pipeline.inspection import inspect
+from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.study.loader import load
+from mapmore_cli.study.sections.data import Data
 
 T = 0.02 * np.arange(700)
 PRESSURE = 200 + 100 * np.sin(T) + 50 * np.sin(2.3 * T)
@@ -127,6 +129,16 @@ def test_an_encoder_that_wraps_goes_on(steps, first, missing):
     read_off[gaps] = np.nan
     known = np.isfinite(read_off)
     np.testing.assert_allclose(unwrapped(read_off, 4096)[known], whole[known])
+
+
+@pytest.mark.parametrize("unwrap", [True, 3600.0])
+def test_a_quantity_that_goes_on_leaves_its_column_to_others(unwrap):
+    raw = RawTable({"t": np.array([3598.0, 3599.0, 0.0, 1.0])}, np.arange(4), "a.csv")
+    columns = {"time": {"column": "t", "unwrap": unwrap}, "second": {"column": "t"}}
+    data = Data.model_validate({"files": ["a.csv"], "columns": columns})
+    found = _in_model_units(raw, data, data, dict.fromkeys(columns, "s")).columns
+    assert found["time"].tolist() == [3598, 3599, 3600, 3601]
+    assert found["second"].tolist() == [3598, 3599, 0, 1]
 
 
 COLUMNS = {"time": {"column": "t", "unit": "s"}, "force": {"column": "F", "unit": "N"}}

@@ -25,15 +25,15 @@ def test_every_sample_has_its_own(ingest, rule, expected):
     assert curve.columns["force_uncertainty"].tolist() == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("least", [0.0, 0.9, 1.1])
-def test_one_far_below_the_others_is_refused(ingest, least):
+@pytest.mark.parametrize(("least", "others"), [(0.0, 1e3), (0.9, 1e3), (1.1, 1e3), (0.0, 0.0)])
+def test_one_far_below_the_others_or_zero_is_refused(ingest, least, others):
     """A thousandth of the median is enough for a sample to count as a million others."""
-    text = csv_text(t=np.arange(3), P=80, eps=0, F=[1000.0, 1000.0, least])
+    text = csv_text(t=np.arange(3), P=80, eps=0, F=[others, others, least])
     if least > 1:
         ingest({"a.csv": text}, uncertainty={"force": "2 %"})
         return
     with refused(
-        "data.uncertainty.force: sample 3 of a (value ",
+        f"data.uncertainty.force: sample {3 if others else 1} of a (value ",
         "has the uncertainty",
         "sqrt(0.25 + (0.02*force)^2)",
     ):

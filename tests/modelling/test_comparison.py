@@ -179,7 +179,7 @@ class TestCompare:
         places = common_curves(a, b)
         assert [place.level for place in places] == [level + 0.75 for level in LEVELS]
         assert not any(place.interpolated for place in places)
-        for apart, interpolated in ((4.9, False), (5.1, True)):  # of levels 100 apart
+        for apart, interpolated in ((5.0, False), (5.1, True)):  # of levels 100 apart
             b = muscle("b", levels=tuple(level + apart for level in LEVELS))
             assert {place.interpolated for place in common_curves(a, b)} == {interpolated}
         assert compare(a, a).margin == 0.01

@@ -12,9 +12,11 @@ from mapmore_cli.domain import arrays
 from mapmore_cli.domain.compared import Normaliser
 from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.results import Forecast
+from mapmore_cli.fitting.stage import Need
 from mapmore_cli.modelling import forecast as model_forecast
 from mapmore_cli.pipeline import scoring
-from mapmore_cli.pipeline.validate import required_limits
+from mapmore_cli.pipeline.validate import needs, required_limits
+from mapmore_cli.study.experiment import ExperimentSpec
 
 TIMED = {"time": 0.5 * np.arange(6), "y": np.zeros(6)}
 PIECES = replace(
@@ -184,3 +186,23 @@ def test_rows_that_were_measured_once_do_not_count(monkeypatch):
     (name, _, target, along, _), (other, *_, driven, _) = asked
     assert (name, target, along) == ("repeats", "y", ["x"])
     assert (other, driven) == ("repeated_cycles", "x")
+
+
+def test_a_study_needs_the_runs_that_it_compares_itself_with():
+    """A compared run may be out of date; the static run and variations may not."""
+    others = [{"run": "b.yaml"}, {"run": "s.yaml"}, {"run": "b.yaml", "as": "again"}]
+    variation = {"set": {"fit.max_terms": 2}, "as": "two"}
+    spec = {
+        "name": "x",
+        "data": {"files": ["a.csv"], "columns": {"y": {"column": 0}, "x": {"column": 1}}},
+        "target": "dynamic",
+        "needs": {"static": "s.yaml"},
+        "validate": {"against": ["reynolds", *others, variation]},
+    }
+    found = needs(ExperimentSpec.model_validate(spec))
+    assert found == [
+        Need("s.yaml"),
+        Need("b.yaml", compared=True),
+        Need("two", ("fit.max_terms=2",)),
+    ]
+    assert not found[0].compared

@@ -53,6 +53,7 @@ def report_of(dictionary, *, ridge=0.0, scale=False, free_run=False):
         target="motion",
         dictionary=tuple(dictionary),
         step=STEP,
+        ordered=False,
         scaling="range" if scale else "none",
         ridge=ridge,
         max_terms=2,

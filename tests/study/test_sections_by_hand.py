@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.study import campaign as campaigns
-from mapmore_cli.study.fields import possible_path
+from mapmore_cli.study.fields import Section, possible_path
 from mapmore_cli.study.sections.data import Data, Levels, MissingRule
 from mapmore_cli.study.sections.logs import Logs, SourceColumn
 from mapmore_cli.study.sections.model import OwnFormula
@@ -81,6 +82,20 @@ def test_paths_are_as_long_as_a_file_system_allows():
     for path in ("a/" + 256 * "b", 2000 * "a/" + "b", "é" * 128, "a\0"):
         with pytest.raises(ValueError, match=r"than a system allows|a zero byte"):
             possible_path(path)
+
+
+def sections(kind=Section):
+    return [kind, *(inner for child in kind.__subclasses__() for inner in sections(child))]
+
+
+@pytest.mark.parametrize("section", sections(), ids=lambda section: section.__name__)
+def test_every_default_is_a_value_that_its_key_may_have(section):
+    body = {"__module__": section.__module__, "model_config": {"validate_default": True}}
+    strict = type(section.__name__, (section,), body)
+    with pytest.raises(ValidationError) as found:
+        strict(**{"": "no key"})
+    types = {error["type"] for error in found.value.errors() if error["loc"][0]}
+    assert types <= {"missing"}
 
 
 def test_runs_of_a_campaign_have_names_and_settings_in_order(tmp_path):

@@ -27,6 +27,9 @@ def test_what_is_short_stands_on_one_line():
         "fit: {max_terms: 8, stop: bic}",
     ]
     assert dump({"a": 1}) == "a: 1\n"
+    full, longer = 73 * "x", 74 * "x"  # with their key and the braces, 80 and 81 characters
+    assert dump({"k": {"a": full}}) == f"k: {{a: {full}}}\n"
+    assert dump({"k": {"a": longer}}) == f"k:\n  a: {longer}\n"
 
 
 def test_the_line_for_editors_leads_from_the_new_place(tmp_path):

@@ -243,6 +243,19 @@ def test_hostile_input_is_refused_in_good_time(tmp_path, text, words):
     assert time.perf_counter() - start < 10
 
 
+@pytest.mark.parametrize(
+    ("text_of", "deepest"),
+    [
+        (lambda n: f"a: {'[' * n}x{']' * n}", 38),  # and the document, and the text
+        (lambda n: "a0: &a0 []\n" + "".join(f"a{i}: &a{i} [*a{i - 1}]\n" for i in range(1, n)), 40),
+    ],
+)
+def test_forty_levels_are_read(text_of, deepest):
+    assert tree(text_of(deepest))
+    with pytest.raises(SpecError, match=r"levels deep|nest too deeply"):
+        tree(text_of(deepest + 1))
+
+
 def test_a_long_list_is_no_bomb_and_aliases_still_are(tmp_path):
     """What is counted is what aliases repeat."""
     assert len(written(tree(f"runs: [{'1,' * 51_000}]"))["runs"]) == 51_000

@@ -76,7 +76,7 @@ def power_of_two(positive: Array) -> Array:
     """Return, for each value, the smallest power of two above it; one for the value zero. Dividing
     by a power of two is exact.
     """
-    return np.ldexp(1.0, np.where(positive > 0, np.frexp(positive)[1], 0))
+    return np.ldexp(1.0, np.frexp(positive)[1])
 
 
 def _largest_values(blocks: Blocks, columns: IntArray) -> Array:

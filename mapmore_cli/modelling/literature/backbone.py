@@ -52,7 +52,7 @@ def fit_formula(
     the default method begins.
     """
     columns = pooled_training(curves)
-    key = _digest(columns, name, target, method, starts, near, *sorted(lengths.items()))
+    key = _digest(columns, name, target, method, starts, near, *lengths.items())
     if key not in _FITTED:
         formula = literature.get(name).of_muscle(lengths)
         if starts is not None:
@@ -73,7 +73,7 @@ left-out data, and the competitors often need the same fit.
 
 def _digest(columns: Columns, *how: object) -> bytes:
     digest = sha256(repr(how).encode())
-    for column, values in sorted(columns.items()):
+    for column, values in columns.items():
         digest.update(column.encode() + np.ascontiguousarray(values).tobytes())
     return digest.digest()
 

@@ -4,7 +4,7 @@ operators from training data.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from types import MappingProxyType
@@ -122,18 +122,19 @@ def delayed(x: Array, steps: int, before: Array) -> Array:
     return np.concatenate([np.full(steps, np.nan), before, x])[len(before) :][: len(x)]
 
 
-def memory_inputs(memory: MemoryModel) -> tuple[str, ...]:
+def memory_inputs(memory: MemoryModel) -> set[str]:
     """Return every quantity from which the states are computed, except the output."""
-    return tuple(sorted({state(name).quantity for name in memory.states.names} - {memory.output}))
+    return {state(name).quantity for name in memory.states.names} - {memory.output}
 
 
 def resolve_states(
-    names: Sequence[str],
+    names: Iterable[str],
     records: Sequence[Record],
     recipe: MemoryRecipe,
     resonances: Mapping[str, tuple[float, float]] = MappingProxyType({}),
 ) -> StateSet:
-    """Return the states with these names, together with all parameters that they need.
+    """Return the states with these names, in alphabetical order, together with all parameters that
+    they need.
 
     `resonances` holds the parameters of oscillators that are already known. For a `resonance`
     without numbers, the frequency and the damping are determined with which the oscillator explains
@@ -141,10 +142,11 @@ def resolve_states(
 
     Raises DataError if a quantity is missing, or no training sample has a value of every state.
     """
+    names = tuple(sorted(names))
     ranges: dict[str, Ends] = {}
     found_already = dict(resonances)
     states = StateSet(
-        tuple(names),
+        names,
         recipe.step,
         ranges,
         found_already,
@@ -189,7 +191,7 @@ def with_ranges(records: Sequence[Record], recipe: MemoryRecipe) -> tuple[str, .
     waiting = {
         name for text in recipe.dictionary if RANGED in text for name in candidate(text).names
     }
-    resolved = resolve_states(sorted(waiting), records, replace(recipe, scaling="range"))
+    resolved = resolve_states(waiting, records, replace(recipe, scaling="range"))
     low = resolved.low.tolist()
     high = resolved.high.tolist()
     if recipe.scaling == "range":

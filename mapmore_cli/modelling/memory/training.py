@@ -47,7 +47,7 @@ class TrainingData:
             recipe.dictionary, numbers
         )
         self.terms = tuple(map(parse, self.dictionary))
-        self.states = resolve_states(sorted(names_in(self.terms)), records, recipe)
+        self.states = resolve_states(names_in(self.terms), records, recipe)
         fed_back = fed_back_states(self.states, recipe.target)
         for term in self.terms:
             parted(term, fed_back)  # raises an error if a term cannot be computed in free run
@@ -161,7 +161,7 @@ class TrainingData:
                 terms = numbers.filled(texts, numbers.numbers(np.array(at)))
                 resonances = self.states.resonances
                 states = resolve_states(
-                    sorted(names_in(map(parse, terms))), self.records, self.recipe, resonances
+                    names_in(map(parse, terms)), self.records, self.recipe, resonances
                 )
             feedback = Feedback(terms, states, self.recipe.target)
             return [ReadyPiece(feedback, columns) for columns, _ in parts]

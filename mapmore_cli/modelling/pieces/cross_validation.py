@@ -153,9 +153,7 @@ def inner_folds(curves: Sequence[Curve], recipe: Recipe) -> Folds:
 
 
 def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
-    """Return the folds along each quantity in ascending order, including the outermost folds.
-    Quantities with fewer than three folds are left out.
-    """
+    """Return the folds along each quantity in ascending order, including the outermost folds."""
     numbers = [number for number, curve in enumerate(curves) if curve.training.any()]
     levels = [
         tuple(curve.training & (number == left) for number, curve in enumerate(curves))
@@ -171,8 +169,7 @@ def _folds_along(curves: Sequence[Curve], recipe: Recipe) -> list[Folds]:
         every_way = [_blocks_along(curves, name) for name in sorted(inputs)]
     else:
         every_way = [blocks_in(curves, recipe)]
-    every_way += [levels] if recipe.pooled is not None else []
-    return [folds for folds in every_way if len(folds) > 2]
+    return every_way + ([levels] if recipe.pooled is not None else [])
 
 
 def blocks_in(curves: Sequence[Curve], recipe: Recipe) -> Folds:

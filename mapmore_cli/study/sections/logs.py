@@ -106,7 +106,7 @@ Thousands = Annotated[str, Field(pattern=f"^[{THOUSANDS}]$")]
 TableOfFile = Annotated[Annotated[int, Field(ge=1, le=10_000)] | Literal["map"], Either()]
 
 
-def fault_of_format(text: str, in_parts: bool = False) -> tuple[str, str] | None:
+def fault_of_format(text: str, in_parts: bool) -> tuple[str, str] | None:
     """Return a description of the fault in a format of time stamps, and the remedy. Return None if
     the format is correct. A format is faulty if `strptime` cannot read it, or if it is ambiguous.
     """

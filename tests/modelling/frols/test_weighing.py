@@ -148,3 +148,11 @@ def test_degrees_of_freedom_are_of_what_samples_are_worth(worth, curves, freedom
     x = np.linspace(0, 1, 30)
     found = frols(columns(x), 2 + 3 * x + 0.1 * np.sin(40 * x), max_terms=2)
     assert replace(found, worth=worth, curves=curves).freedom == freedom
+
+
+@pytest.mark.parametrize(("outlier", "start"), [(None, [1, 0.5, 1]), (1, [1, 1e-12, 1])])
+def test_an_outlier_gets_almost_no_weight_and_given_weights_are_kept(outlier, start):
+    weights = np.array([1, 0.5, 1])
+    found = Weighing().without(outlier, weights)
+    assert (found.start.tolist(), found.outlier) == (start, outlier)
+    assert weights.tolist() == [1, 0.5, 1]

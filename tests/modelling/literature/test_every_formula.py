@@ -20,6 +20,7 @@ def test_every_file_of_the_folder_declares_a_formula_of_a_known_component():
     assert files_without_parts("formulas", Formula, formulas) == set()
     assert {get(name).component for name in names()} <= {*COMPONENTS}
     assert all(get(name).reference for name in names())
+    assert [*names()] == sorted(names())
 
 
 EVERY = [*STATIC, *(name for name in DAMPING if name in PLANTED)]

@@ -1,5 +1,7 @@
 """A family of muscles: one function, scaled by a largest force that follows from a dimension."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -113,7 +115,7 @@ def test_without_points_a_specimen_is_the_family_at_its_length():
     assert set(literature.of(own).inputs) == {"pressure", "strain"}
     expected = literature.of(fit).predict(fit.parameters, columns)
     assert literature.of(own).predict(own.parameters, columns) == pytest.approx(expected, rel=1e-9)
-    assert own.errors["q_force"] == family.PRIOR
+    assert own.errors["q_force"] == 0.15
 
 
 @pytest.mark.parametrize(
@@ -130,6 +132,20 @@ def test_without_points_a_specimen_is_the_family_at_its_length():
 def test_what_defines_no_family(text):
     with pytest.raises(ValueError, match=r"family|formula|Expecting"):
         literature.get(text)
+
+
+def test_the_text_of_a_definition_does_not_hang_on_the_order_of_its_keys():
+    bounds, units = {"b": (1.0, 2.0), "a": None}, {"b": "m", "a": "N"}
+    turned = [dict(reversed(one.items())) for one in (bounds, units)]
+    own = definition("own", "here", "a*exp(b*x)", bounds, units)
+    assert own == definition("own", "here", "a*exp(b*x)", *turned)
+    wide = definition("own", "here", "f*p + e*q + d*r + c*s + b*t", dict.fromkeys("tpsqr"), {})
+    assert (formula_of(wide).parameters, formula_of(wide).inputs) == (
+        tuple("pqrst"),
+        tuple("bcdef"),
+    )
+    for text in (own, FamilySettings(of="length").definition(1.0)):
+        assert text == json.dumps(json.loads(text), sort_keys=True)
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from mapmore_cli.modelling.literature.model import (
     backbone_values,
     formula_equations,
     formula_model,
+    printed,
 )
 from mapmore_cli.modelling.programs import slopes
 
@@ -58,6 +59,8 @@ def test_equations_may_be_in_other_units():
     (found,) = kinds.equations(wrist_model(), {"pressure": 0.01, "strain": 0.01})
     in_own = {name: 0.01 * column for name, column in rows.items()}
     np.testing.assert_allclose(evaluate(parse(found.text), rows), wrist_force(in_own), rtol=1e-4)
+    six_digits = printed("f", parse("0.12345678*x + 9876543.21"))
+    assert parse(six_digits.text) == parse("0.123457*x + 9876540")
 
 
 def test_without_a_formula_there_is_nothing():

@@ -37,6 +37,22 @@ def test_a_spec_offers_every_method():
     assert get_args(FitMethod) == tuple(METHODS)
 
 
+@pytest.mark.parametrize(
+    ("given", "span", "text"),
+    [
+        ({"per": None}, 1.0, "-2"),
+        ({"per": "x"}, 4.0, "-2/max|x|"),
+        ({"per": None, "of": "x"}, 0.25, "-2 max|x|"),
+        ({"per": "zero"}, 1.0, "-2/max|zero|"),
+        ({"per": None, "of": "zero"}, 1.0, "-2 max|zero|"),
+    ],
+)
+def test_a_coordinate_has_no_unit(given, span, text):
+    parameter = Nonlinear("b", intervals=((-5.0, -1.0), (2.0, 3.0)), **given)
+    assert parameter.span({"x": np.array([3.0, -4.0]), "zero": np.zeros(2)}) == span
+    assert (parameter.written(-2.0), parameter.bounds) == (text, (-5, 3))
+
+
 def test_a_coordinate_touches_within_a_millionth_of_its_range():
     lower, upper = np.array([-2.0, -np.inf, 5.0, 0.0]), np.array([8.0, 3.0, np.inf, 10.0])
     near = np.array([-2 + 0.9e-5, 3 - 0.9e-6, 5 + 0.9e-6, 10 - 0.9e-5])

@@ -34,7 +34,7 @@ def memory_model(terms, theta, states, constant=0.0, limits=(-1.0, 1.0)):
 
 def recipe_of(target, dictionary, step=STEP, *, max_terms, **changed):
     """Plain FROLS of so many terms, but for what is `changed`."""
-    plain = {"scaling": "none", "tolerance": 0.0}
+    plain = {"scaling": "none", "tolerance": 0.0, "ordered": False}
     return MemoryRecipe(
         target=target,
         dictionary=tuple(dictionary),

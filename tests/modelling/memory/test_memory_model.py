@@ -37,8 +37,9 @@ def test_inputs_are_those_of_the_states_and_of_the_backbone():
     assert tuple(model.body.ranges[0].limits) == model.input_names
     assert parameters(model) == 3 + len(backbone.parameters)
     assert fed_back(model) == ("y",)
-    plain = built(["x", "z[k-1]"], [1.0, 2.0], constant=0.5)
-    assert (parameters(plain), fed_back(plain)) == (3, ())
+    plain = built(["x", "z[k-1]", "strain", "force", "pressure"], [1.0] * 5, constant=0.5)
+    assert plain.input_names == ("force", "pressure", "strain", "x", "z")
+    assert (parameters(plain), fed_back(plain)) == (6, ())
     columns = {name: x[:9] for name, x in curves()[0].columns.items()} | {"x": np.arange(9.0)}
     both, alone = (predict(built(["x"], [x], backbone), columns) for x in (2.0, 0.0))
     np.testing.assert_allclose(both, alone + 2 * np.arange(9))

@@ -20,9 +20,8 @@ from mapmore_cli.modelling.memory.records import (
     time_step,
     uninterrupted,
 )
-from mapmore_cli.modelling.signals.sampling import UNEVEN
 
-STEPS = {"even": 1.0, "late": 1 + 0.9 * UNEVEN, "early": 1 - 0.9 * UNEVEN, "gap": 1 + 1.1 * UNEVEN}
+STEPS = {"even": 1.0, "late": 1 + 0.9 * 1e-3, "early": 1 - 0.9 * 1e-3, "gap": 1 + 1.1 * 1e-3}
 STEPS |= {"back": -1e-9, "far back": -7.0}
 
 
@@ -40,7 +39,7 @@ def test_a_recording_is_cut_at_gaps_and_at_steps_backwards(steps, step, ordered)
     assert [(part.start, part.stop) for part in found] == pieces
 
 
-@pytest.mark.parametrize("short", [0.0, 1 - 1.1 * UNEVEN])
+@pytest.mark.parametrize("short", [0.0, 1 - 1.1 * 1e-3])
 def test_a_step_that_is_too_short_is_an_error_at_its_sample(short):
     """It is none if only the order counts, nor if it is as short as numbers of this size allow."""
     time = 0.5 * np.cumsum([0.0, 1.0, 1.0, short, 1.0])
@@ -65,8 +64,8 @@ def curve_at(time, held_out=None, name="a"):
 def test_recordings_have_one_step_or_only_an_order():
     """A curve of one sample has none; the step is the median of the curves'."""
     even = [curve_at(0.1 * np.arange(9), name=name) for name in "abc"]
-    near = curve_at(0.1 * (1 + 0.9 * UNEVEN) * np.arange(5), name="near")
-    other = curve_at(0.1 * (1 + 1.1 * UNEVEN) * np.arange(5), name="other")
+    near = curve_at(0.1 * (1 + 0.9 * 1e-3) * np.arange(5), name="near")
+    other = curve_at(0.1 * (1 + 1.1 * 1e-3) * np.arange(5), name="other")
     single = curve_at(np.array([3.0]), name="single")
     assert time_step([*even, near, single]) == 0.1
     late = np.array([100.0, 100.1, 100.2])  # the differences contain rounding errors of 1e-14 s

@@ -23,7 +23,7 @@ from mapmore_cli.modelling.frols.ridge import (
     select,
 )
 from mapmore_cli.modelling.frols.select import PRICES
-from mapmore_cli.modelling.memory.selectors import Regressors, selector
+from mapmore_cli.modelling.memory.selectors import Regressors, problem_of, selector
 from mapmore_cli.modelling.memory.training import TrainingData
 
 
@@ -88,6 +88,19 @@ def test_selection_is_frols_on_data_with_rows_for_the_ridge(n, M, seed, ridge):
 def test_nothing_of_a_target_without_variance_is_unexplained():
     data = Regularised(np.array([[1.0, 0.0], [0.0, 0.0]]), 9, 0.1)
     assert data.unexplained(np.array([0]), np.array([0.0])) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("loss", "n", "outlier"),
+    [("huber", 200, 0), ("bisquare", 200, 0), ("huber", 201, None), ("squares", 200, None)],
+)
+def test_a_robust_loss_leaves_a_gross_outlier_out_if_there_are_few_samples(loss, n, outlier):
+    x = np.random.default_rng(n).normal(size=n)
+    given = Regressors((parse("x"),), {"x": x}, x + x**2 + 1000.0 * (np.arange(n) == 0))
+    assert (
+        problem_of(given, recipe_of("y", ("x",), max_terms=1, loss=loss)).weighing.outlier
+        == outlier
+    )
 
 
 @pytest.mark.parametrize("stop", ["press", *PRICES, "tolerance", "none of it"])

@@ -17,7 +17,6 @@ from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.backbone_choice import (
     FEW,
-    MARGIN,
     choose_backbone,
     possible_backbones,
     simplest_backbone,
@@ -239,7 +238,7 @@ def test_candidates_are_the_static_formulas_of_the_inputs():
     )
 )
 def test_the_simplest_within_the_margin_is_taken(errors):
-    chosen, near = simplest_backbone(errors), (1 + MARGIN) * min(errors.values())
+    chosen, near = simplest_backbone(errors), 1.02 * min(errors.values())
     sizes = {name: len(literature.get(name).parameters) if name else 0 for name in errors}
     assert errors[chosen] <= near
     assert all(errors[name] > near for name in errors if sizes[name] < sizes[chosen])
@@ -306,7 +305,12 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
     samples, made = scattered(noise=8.0, seed=seed), recipe(**OF_SURFACE)
     whole = on_polynomial(samples, **OF_SURFACE)
     kept = with_trusted_residual(whole, samples, made, QUANTITIES)
-    share = leave_out(samples, made, QUANTITIES, "polynomial_2", inner_folds(samples, made)).share
+    left_out = leave_out(samples, made, QUANTITIES, "polynomial_2", inner_folds(samples, made))
+    share = left_out.share
+    tried = {BACKBONE: 0, RESIDUAL: 1} | ({SHRUNKEN: share} if share else {})
+    assert {error.choice: error.rmse for error in kept.body.cross_validation} == {
+        choice: left_out.rmse(own) for choice, own in tried.items()
+    }
     columns = samples[0].columns
     alone = backbone_of(whole, columns)
     expected = alone + share * (predict(whole, columns) - alone)

@@ -162,6 +162,19 @@ def test_a_value_that_is_not_finite_is_found_in_any_block():
         fit_together(segment, samples, [*TERMS, parse("log(1.5 - strain)")], [made])
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_five_outliers_move_a_segment_by_less_than_the_noise(seed):
+    """The noise is 2. A start whose weights forget the scale of the residuals ends 6.6 off."""
+    x, y = falling(seed)
+    out = np.isin(np.arange(60), np.random.default_rng(seed).choice(60, 5, replace=False))
+    whole, without = (
+        fitted(x[rows], (y + 1000 * out)[rows], loss="bisquare", max_terms=3)
+        for rows in (np.ones(60, dtype=bool), ~out)
+    )
+    inner = slice(*np.searchsorted(PLACES, (x[~out][0], x[~out][-1])))
+    assert np.abs(whole - without)[inner].max() < 1.0
+
+
 LONG = pytest.mark.long
 
 

@@ -132,6 +132,7 @@ def test_rules_say_what_is_joined_and_what_lies_outside():
     coefficients = sum(len(segment.theta) for segment in on.body.segments)
     assert parameters(on) == coefficients + 5
     assert parameters(replace(on, body=bare)) == 5
+    assert parameters(single) == sum(len(part.theta) for part in single.body.segments)
 
 
 @pytest.mark.parametrize(("units", "size"), [({}, 1.0), ({"strain": 0.01}, 0.01)])

@@ -4,6 +4,7 @@ stencil compares: against sums and searches that are written out.
 
 from itertools import product
 from math import floor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from mapmore_cli.modelling.shape.stencils import (
     stencil_weights,
     stencils_on,
 )
+from mapmore_cli.modelling.shape.support import _axes
 
 
 def region_of(columns, fit=None, ranges=None, level=None):
@@ -131,6 +133,10 @@ def test_ranges_are_interpolated_between_levels():
     assert outside_limits(LEVELS, "pressure", edge).tolist() == [False, False, True, True]
     far = {"pressure": np.array([99.0, 301.0, 300.0]), "strain": np.full(3, 0.05)}
     assert outside_limits(LEVELS, "pressure", far).tolist() == [True, True, False]
+    width = [CurveRange("c", None, {"x": (-1.0, 1.0)})]  # twice as large as both ends
+    beyond = 1 + np.array([1.9e-9, 2.1e-9])
+    for x in (beyond, -beyond):
+        assert outside_limits(width, None, {"x": x}).tolist() == [False, True]
     load = {"pressure": np.array([200.0, 200.0]), "load": np.array([5.0, 5.1])}
     assert outside_limits(LEVELS, "pressure", load).tolist() == [False, True]
 
@@ -238,3 +244,18 @@ def test_each_word_of_each_quantity_is_asked():
         ("a", "increasing"), ("b", "decreasing"), ("b", "convex")
     ]  # fmt: skip
     assert asked_of(Fit()) == []
+
+
+@pytest.mark.parametrize(("count", "most"), [(1, 1000), (2, 64), (3, 24)])
+def test_a_grid_has_about_4096_nodes_but_not_too_few_or_many_along_one_input(count, most):
+    """Along an input that takes few values, these are its places."""
+    places = np.random.default_rng(0).random((5000, count + 1))
+    places[:, -1] = np.arange(5000) % 7
+    names = [*"abcd"[:count], "few"]
+    of_all = SimpleNamespace(names=names[:-1], places=places[:, :-1], fixed={"g": np.ones(1)})
+    axes = _axes(of_all, None)
+    assert [len(axes[name]) for name in ("g", *names[:-1])] == [1, *(count * [most])]
+    assert axes["a"][[0, -1]].tolist() == [places[:, 0].min(), places[:, 0].max()]
+    assert np.ptp(np.diff(axes["a"])) < 1e-12
+    with_few = SimpleNamespace(names=names, places=places, fixed={})
+    assert _axes(with_few, None)["few"].tolist() == [*range(7)]

@@ -79,11 +79,17 @@ def test_optimal_cuts_of_several_outputs_do_not_hang_on_their_units():
 
 
 def test_optimal_cuts_pass_over_segments_with_as_many_samples_as_terms():
+    """The dictionary or `max_terms` limits the terms."""
     x = np.arange(21.0)
-    asked = recipe(level=None, cuts={"strain": Cuts("optimal", 2, min_samples=1)},
-                   dictionary=("1", "strain"), max_terms=2)  # fmt: skip
-    (cut,) = segment([curve_of({"strain": x, "force": np.abs(x - 1)})], asked)
-    assert cut.boundaries[0].tolist() == [0, 2, 20]
+    for most, terms, force, at in (
+        (2, ("1", "strain"), np.abs(x - 1), 2),
+        (9, ("1", "strain"), np.abs(x - 1), 2),
+        (1, ("1", "strain", "strain^2", "strain^3"), np.minimum(x, 1), 1),
+    ):
+        cuts = {"strain": Cuts("optimal", 2, min_samples=1)}
+        asked = recipe(level=None, cuts=cuts, dictionary=terms, max_terms=most)
+        (cut,) = segment([curve_of({"strain": x, "force": force})], asked)
+        assert cut.boundaries[0].tolist() == [0, at, 20]
 
 
 def test_a_grid_of_two_variables():

@@ -39,7 +39,10 @@ def in_bins(**extra):
         (np.linspace(-105.2, -100, 1000), [-103]),  # less than 5 % of its size
         (np.linspace(100, 105.4, 1000), []),
         *((149.73 + np.array([-a, 0, a]), [level]) for a, level in ((1.9, 150), (0.9, 149.7))),
-        (2.0 / 3 + np.array([-1e-13, 0, 1e-13]), [2 / 3]),
+        *(
+            (2.0 / 3 + np.array([-a, 0, a]), [level])
+            for a, level in ((1e-13, 2 / 3), (2e-12, 0.666666666667))
+        ),
     ],
 )
 def test_bins_of_more_than_twice_the_mean_are_levels_and_written_as_finely_as_they_scatter(
@@ -63,6 +66,8 @@ def test_half_way_belongs_to_the_lower_level_and_a_single_one_takes_everything()
 @pytest.mark.parametrize("at", [0.1, 1 / 3, 250.0])
 def test_value_exactly_within_matches_however_it_was_rounded(at):
     assert match_levels(np.array([at + 0.1]), np.array([at]), 0.1) == 0
+    beyond = np.array([999 - 1.9e-9, 999 - 2.1e-9])  # a relative 1e-9 and 1e-12 of the value
+    assert match_levels(beyond, np.array([1000.0]), 1.0).tolist() == [0, -1]
 
 
 TIME = np.arange(0.0, 4.0, 0.001)

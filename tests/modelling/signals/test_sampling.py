@@ -61,6 +61,7 @@ def test_shares_and_parts_of_long_records_are_even(monkeypatch):
     monkeypatch.setattr(arrays, "LONG", 100)  # bytes from which on a column is kept in a file
     table = np.arange(84.0).reshape(28, 3)
     assert even_share(table, 10).tolist() == table[::3].tolist()
+    assert sum(part.stop - part.start for part in even_parts(10**9)) == 2**20
     monkeypatch.setattr(sampling, "PARTS", 3)
     monkeypatch.setattr(sampling, "PART", 4)
     assert even_parts(12) == [slice(0, 12)]

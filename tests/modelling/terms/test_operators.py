@@ -121,27 +121,39 @@ def test_operators_follow_their_laws(name):
     np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("name", "key", "limits"),
-    [
-        ("slow", "tau", (0.005, 4000)),
-        ("creep", "tau", (0.01, 4000)),
-        ("wen_stiffening", "p", (-8, 1e4)),
-    ],
-)
-def test_limits_of_the_numbers_that_training_tries(name, key, limits):
+def test_a_state_that_grows_without_bound_remains_a_number():
+    far = np.array([0.0, 20.0, -20.0, 20.0])  # ranges of training
+    found = along(OPERATORS["wen_stiffening"], far, Setting((-60.0, 8.0), STEP, (0.0, 1.0)))
+    assert np.abs(found).max() == pytest.approx(np.expm1(700) / 60)
+
+
+RATE = (0, 1e4)
+WIDTHS = [(1e-3, 0.5)], 5, (0.02,), (0.35,)
+SEARCHES = {
+    "coulomb": ([(1e-4, 4)], 5, (0.001,), (0.25,)),
+    "slow": ([(0.005, 4000)], 6, (0.1,), (40,)),
+    "creep": ([(0.01, 4000), (0.005, 10)], 8, (0.1, 0.03), (160, 0.2)),
+    "play": WIDTHS,
+    "stop": WIDTHS,
+    "wen": ([RATE, RATE], 16, (0, 0), (32, 32)),
+    "wen_stiffening": ([(-8, 1e4), RATE], 21, (-4, 8), (32, 32)),
+    "dahl": ([RATE], 6, (1,), (1024,)),
+}
+
+
+def test_the_numbers_that_training_tries_have_limits_and_beginnings_within_them():
     """Half a step or one step, and a hundred times the longest piece of 40 s, for times."""
-    (own,) = (one.between for one in OPERATORS[name].parameters if one.key == key)
-    assert own(0.01, 40.0) == pytest.approx(limits)
-
-
-@pytest.mark.parametrize("name", [name for name, one in OPERATORS.items() if one.starts])
-def test_a_search_begins_within_the_numbers_that_it_tries(name):
-    for numbers in (operator := OPERATORS[name]).starts(0.01, 40.0):
-        for number, parameter in zip(numbers, operator.parameters, strict=True):
-            low, high = parameter.between(0.01, 40.0)
-            assert parameter.allows(number)
-            assert low <= number <= high
+    assert SEARCHES.keys() == {name for name, one in OPERATORS.items() if one.starts}
+    for name, (limits, count, first, last) in SEARCHES.items():
+        parameters, starts = OPERATORS[name].parameters, OPERATORS[name].starts(0.01, 40.0)
+        assert np.array([one.between(0.01, 40.0) for one in parameters]) == pytest.approx(
+            np.array(limits)
+        )
+        assert (len(starts), starts[0], starts[-1]) == (count, first, last), name
+        for numbers in starts:
+            for number, parameter, (low, high) in zip(numbers, parameters, limits, strict=True):
+                assert parameter.allows(number)
+                assert low <= number <= high
 
 
 def sample_by_sample(operator, setting, x):
