@@ -12,7 +12,8 @@ import pytest
 from fake_study import contents, fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
-from mapmore_cli.pipeline.runner import Options, _from, bring_up_to_date, explain
+from mapmore_cli.pipeline.runner import Options, bring_up_to_date, explain
+from mapmore_cli.pipeline.staleness import _from
 from mapmore_cli.storage.ownership import contents_of
 from mapmore_cli.storage.run_folder import run_lock
 from mapmore_cli.storage.run_record import written_files
