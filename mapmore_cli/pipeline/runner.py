@@ -284,9 +284,7 @@ class _Run:
         structure. Files of a search without a model stay (`mapmore tune` writes them). Files
         that were changed stay too, and so does the spec that was found if this command reads it.
         """
-        known = written_files(self.run_dir)
-        names = [name for name in (SEARCH, FOUND) if name in known]
-        names = [name for name in names if is_as_written(self.run_dir / name, known[name])]
+        names = [name for name in (SEARCH, FOUND) if self.is_own(name)]
         if after is None or after.before != search.fingerprint or not names:
             return
         if any(is_read(self.run_dir / name) for name in names):
@@ -369,7 +367,7 @@ class _Run:
         """
         issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint))
         ends = self.options.check and issues is not None and findings.refusal(issues)
-        return None if ends or findings.FINDINGS not in written_files(self.run_dir) else issues
+        return None if ends or not self.is_own(findings.FINDINGS) else issues
 
     def apply_rules(self, ingest: StagePlan) -> None:
         """Apply the rules to the data that the stage ingest has read, and report the findings. If
@@ -460,17 +458,20 @@ class _Run:
     def unwritten(self, until: str) -> dict[str, str]:
         """Return the texts of spec files in the run folder that are missing or not up to date, by
         file name. There are two such files: the spec with which the run can be repeated in its
-        folder, and, after a search, the spec with the structure that was found. A file that the
-        record of the run does not list is returned too.
+        folder, and, after a search, the spec with the structure that was found. A file that is not
+        in the record of the run, because the run was interrupted before, is returned too.
         """
         spec, texts = as_found(self.loaded, self.run_dir), dict[str, str]()
         if until != SEARCH_STAGE:
             texts[RESOLVED_SPEC] = spec.resolved_in(self.run_dir)
         if spec is not self.loaded:
             texts[FOUND] = spec.resolved_in(self.run_dir, given_only=True)
-        known = written_files(self.run_dir)
         return {
             name: text
             for name, text in texts.items()
-            if name not in known or not holds(self.run_dir / name, text.encode())
+            if not self.is_own(name) or not holds(self.run_dir / name, text.encode())
         }
+
+    def is_own(self, name: str) -> bool:
+        """Return True if the record of the run lists a file, and the file has not changed since."""
+        return is_as_written(self.run_dir / name, written_files(self.run_dir).get(name))
