@@ -285,9 +285,8 @@ class _Run:
         that were changed stay too, and so does the spec that was found if this command reads it.
         """
         names = [name for name in (SEARCH, FOUND) if self.is_own(name)]
-        if after is None or after.before != search.fingerprint or not names:
-            return
-        if any(is_read(self.run_dir / name) for name in names):
+        alone = FOUND in names and (after is None or after.before != search.fingerprint)
+        if not names or alone or any(is_read(self.run_dir / name) for name in names):
             return
         place = to_trash(self.run_dir, names)
         self.warn(
