@@ -228,13 +228,15 @@ def drawn_figure(
       mm`.
     - `models`: competitors that are drawn; all of them if empty.
 
-    Raises DataError if the folder holds no finished run; UsageError for an unknown figure or panel
+    Raises DataError if the folder holds no finished run, or if a part of its results is out of
+    date; UsageError for an unknown figure or panel
     (the message names the known ones), or if `looks` has other settings than `report.style`.
     """
     from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
     from mapmore_cli.reporting.order import FIGURES
     from mapmore_cli.reporting.report import data_csv
+    from mapmore_cli.storage.run_record import refuse_stale
     from mapmore_cli.study.loader import load
 
     if not (run_dir / VALIDATION).is_file():
@@ -242,6 +244,7 @@ def drawn_figure(
             f"{run_dir}: does not contain a finished run",
             "give a folder that `mapmore run` wrote, for example runs/NAME",
         )
+    refuse_stale(run_dir)
     if other := next((look for look in looks if not look.startswith(LOOKS)), None):
         raise UsageError(
             f"--set {other}: this key changes more than the look of a figure",
