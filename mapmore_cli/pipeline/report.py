@@ -13,6 +13,7 @@ from mapmore_cli.domain.errors import DataError, SpecError, UsageError, Warn
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 from mapmore_cli.study.experiment import ExperimentSpec, Muscle
+from mapmore_cli.study.sections.model import Needs, OwnFormula
 from mapmore_cli.study.sections.report import Report
 from mapmore_cli.study.sections.results import Validate
 
@@ -45,7 +46,11 @@ class ReportSlice:
     # `level` if cross-validation leaves out one level after the other, `group` if it leaves out
     # one group after the other; empty without cross-validation
     left_out: str
-    unconfirmed: tuple[str, ...] = ()
+    unconfirmed: tuple[str, ...]
+    # the page shows these sections, although the results may not depend on all of their keys
+    units: Mapping[str, str]
+    needs: Needs
+    formulas: Sequence[str | OwnFormula]
 
 
 def report_slice(spec: ExperimentSpec) -> ReportSlice:
@@ -55,7 +60,15 @@ def report_slice(spec: ExperimentSpec) -> ReportSlice:
         "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""
     )
     return ReportSlice(
-        spec.name, spec.muscle, spec.validation, spec.report, left_out, spec.unconfirmed
+        spec.name,
+        spec.muscle,
+        spec.validation,
+        spec.report,
+        left_out,
+        spec.unconfirmed,
+        spec.units,
+        spec.needs,
+        spec.formulas,
     )
 
 
