@@ -448,6 +448,9 @@ class _Run:
         """
         runs = self.run_dir.parent
         there = replace(self, loaded=other.loaded, run_dir=runs / other.loaded.spec.name)
+        before, now = load_origin(there.run_dir), origin_of(other.loaded, there.run_dir)
+        if other.need.overrides and before is not None and before.spec != now.spec:
+            return False  # the spec of the study, and of its variation, was renamed
         return (
             all(plan.reason is None for plan in plans_of(other, self.stages, other.last, runs))
             and is_tidy(there.run_dir)
