@@ -39,6 +39,8 @@ from mapmore_cli.storage.run_record import (
     StageRecord,
     load_origin,
     load_records,
+    refuse_stale,
+    stale_stages,
 )
 from mapmore_cli.storage.stamps import take_stamp
 from mapmore_cli.study.experiment import ExperimentSpec
@@ -122,8 +124,8 @@ def _entry(path: Path, *keys: str) -> object:
 
 
 def _check_finished(run_dir: Path) -> None:
-    """Raise DataError if the folder lacks one of the files that are frozen, or if the model or the
-    scores were changed after the run wrote them.
+    """Raise DataError if the folder lacks one of the files that are frozen, if the model or the
+    scores were changed after the run wrote them, or if they are out of date.
     """
     remedy = "bring the run up to date with `mapmore run`"
     if missing := [kept for kept in KEPT if not (run_dir / kept).is_file()]:
@@ -133,6 +135,7 @@ def _check_finished(run_dir: Path) -> None:
     for kept in KEPT[:3]:
         if take_stamp(run_dir / kept).sha256 != written.get(kept):
             raise DataError(f"{run_dir / kept}: was changed after the run wrote it", remedy)
+    refuse_stale(run_dir)
 
 
 def find_model(text: str, runs: Path, archive: Path) -> Path:
@@ -233,7 +236,12 @@ def compared(
             "make both with the same settings, or add --allow-other-settings",
         )
     hashes = [
-        {stamp.sha256 for stage in stages.values() for stamp in stage.inputs.values()}
+        {
+            stamp.sha256
+            for stage in stages.values()
+            for stamp in stage.inputs.values()
+            if MODEL_STAGE not in stale_stages(stages)
+        }
         for stages in records
     ]
     try:

@@ -14,6 +14,7 @@ from mapmore_cli.domain.errors import MapmoreError, WriteError
 from mapmore_cli.pipeline.runner import AS_USUAL, Options, RunOutcome, bring_up_to_date
 from mapmore_cli.pipeline.stages import recordings
 from mapmore_cli.pipeline.validate import required_limits
+from mapmore_cli.storage.inputs import files_read
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.storage.run_record import load_records
 from mapmore_cli.study.loader import load
@@ -107,7 +108,7 @@ def _alerts(outcome: RunOutcome, unconfirmed: Sequence[str]) -> tuple[Alert, ...
     """
     from mapmore_cli.pipeline.runs_rows import known_alerts
 
-    if {*outcome.stages.values()} == {"up-to-date"}:
+    if {*outcome.stages.values()} == {"up-to-date"} and not unconfirmed:
         known = known_alerts(outcome.run_dir)
         if known is not None:
             return known
@@ -125,10 +126,11 @@ def run_one(job: Job) -> Finished:
     run.
     """
     started, warnings = time.perf_counter(), list[str]()
-    loaded = load(job.config, job.overrides)
-    outcome = bring_up_to_date(
-        loaded, job.runs, job.until, options=job.options, warn=warnings.append
-    )
+    with files_read():
+        loaded = load(job.config, job.overrides)
+        outcome = bring_up_to_date(
+            loaded, job.runs, job.until, options=job.options, warn=warnings.append
+        )
     return Finished.of(loaded, outcome, warnings, started)
 
 

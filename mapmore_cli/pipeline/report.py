@@ -13,6 +13,7 @@ from mapmore_cli.domain.errors import DataError, SpecError, UsageError, Warn
 from mapmore_cli.fitting.stage import Stage, Workspace
 from mapmore_cli.storage.run_folder import VALIDATION, RunFiles
 from mapmore_cli.study.experiment import ExperimentSpec, Muscle
+from mapmore_cli.study.sections.model import Needs, OwnFormula
 from mapmore_cli.study.sections.report import Report
 from mapmore_cli.study.sections.results import Validate
 
@@ -46,6 +47,10 @@ class ReportSlice:
     # one group after the other; empty without cross-validation
     left_out: str
     unconfirmed: tuple[str, ...]
+    # the page shows these sections, although the results may not depend on all of their keys
+    units: Mapping[str, str]
+    needs: Needs
+    formulas: Sequence[str | OwnFormula]
 
 
 def report_slice(spec: ExperimentSpec) -> ReportSlice:
@@ -55,7 +60,15 @@ def report_slice(spec: ExperimentSpec) -> ReportSlice:
         "level" if split.leave_one_level_out else "group" if split.leave_one_group_out else ""
     )
     return ReportSlice(
-        spec.name, spec.muscle, spec.validation, spec.report, left_out, spec.unconfirmed
+        spec.name,
+        spec.muscle,
+        spec.validation,
+        spec.report,
+        left_out,
+        spec.unconfirmed,
+        spec.units,
+        spec.needs,
+        spec.formulas,
     )
 
 
@@ -228,13 +241,15 @@ def drawn_figure(
       mm`.
     - `models`: competitors that are drawn; all of them if empty.
 
-    Raises DataError if the folder holds no finished run; UsageError for an unknown figure or panel
+    Raises DataError if the folder holds no finished run, or if a part of its results is out of
+    date; UsageError for an unknown figure or panel
     (the message names the known ones), or if `looks` has other settings than `report.style`.
     """
     from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style
     from mapmore_cli.reporting.order import FIGURES
     from mapmore_cli.reporting.report import data_csv
+    from mapmore_cli.storage.run_record import refuse_stale
     from mapmore_cli.study.loader import load
 
     if not (run_dir / VALIDATION).is_file():
@@ -242,6 +257,7 @@ def drawn_figure(
             f"{run_dir}: does not contain a finished run",
             "give a folder that `mapmore run` wrote, for example runs/NAME",
         )
+    refuse_stale(run_dir)
     if other := next((look for look in looks if not look.startswith(LOOKS)), None):
         raise UsageError(
             f"--set {other}: this key changes more than the look of a figure",
@@ -297,4 +313,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=13, outputs=("report",), reads=report_slice, run=write_pages)
+STAGE = Stage(name="report", revision=14, outputs=("report",), reads=report_slice, run=write_pages)

@@ -8,7 +8,6 @@ outputs. Anything that is not committed is done again.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -28,17 +27,22 @@ from mapmore_cli.fitting.stage import Progress, Stage, Workspace
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.processors import one_blas_thread
 from mapmore_cli.pipeline.staleness import (
+    FOUND,
+    RESOLVED_SPEC,
     Needed,
     StagePlan,
     as_found,
+    origin_of,
     pipeline,
     plan_stages,
     plans_of,
     refuse_circle,
 )
 from mapmore_cli.storage.atomic import holds, refusals_told, write_own
-from mapmore_cli.storage.ownership import TRASH
+from mapmore_cli.storage.inputs import is_read
+from mapmore_cli.storage.ownership import TRASH, is_as_written, to_trash
 from mapmore_cli.storage.run_folder import (
+    SEARCH,
     RunFiles,
     is_tidy,
     make_way,
@@ -61,12 +65,6 @@ from mapmore_cli.storage.run_record import (
 )
 from mapmore_cli.storage.stamps import stamps_of, take_stamp
 from mapmore_cli.study.loader import LoadedSpec
-
-RESOLVED_SPEC = "experiment.yaml"
-FOUND = "found.yaml"
-"""File with the spec and its defaults, and file with the spec that a search found. The second one
-is an ordinary spec with the structure that was found.
-"""
 
 OnStage = Callable[[str, str | None], None]
 """Function `on_stage(stage, reason)` that is called before a stage runs, or with None if the stage
@@ -118,10 +116,11 @@ def explain(
     stages: Sequence[Stage] | None = None,
 ) -> list[tuple[str, str | None]]:
     """Return every stage up to `until` with the reason why it would run, or None if it is up to
-    date. Nothing is written.
+    date. Nothing is written. Raises WriteError if the folder holds the run of another spec.
     """
     refuse_circle(loaded)
     run_dir = runs / loaded.spec.name
+    _origin(loaded, run_dir, options.campaign)
     how = (run_dir, load_records(run_dir, warn), options.rehash, options.force)
     reasons = {plan.stage.name: plan.reason for plan in plan_stages(stages, until, loaded, *how)}
     # the stages after the search cannot be planned before the search has found a structure
@@ -176,24 +175,10 @@ def bring_up_to_date(
 
 
 def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
-    """Return the origin of the run: the spec, the campaign and the settings from which it is made
-    now. Raises WriteError if the folder contains a run of the same name that was made from another
-    spec, and if this other spec still exists.
+    """Return the origin of the run. Raises WriteError if the folder contains a run of the same name
+    that was made from another spec, and if this other spec still exists.
     """
-    here = Origin(
-        _from(run_dir, loaded.path),
-        _from(run_dir, campaign) if campaign else "",
-        tuple(loaded.overrides),
-    )
-    before = load_origin(run_dir)
-    if (
-        before is not None
-        and loaded.path.name in (RESOLVED_SPEC, FOUND)
-        and loaded.path.resolve().parent.parent == run_dir.resolve().parent
-    ):
-        # the run is repeated with the copy of the spec in its own folder; its origin remains the
-        # original spec
-        return before
+    here, before = origin_of(loaded, run_dir, campaign), load_origin(run_dir)
     rival = here.rival_of(before, run_dir) if before is not None else None
     if rival is not None:
         raise WriteError(
@@ -202,17 +187,6 @@ def _origin(loaded: LoadedSpec, run_dir: Path, campaign: Path | None) -> Origin:
             "give one of them another `name`, or use another folder with --runs",
         )
     return here
-
-
-def _from(run_dir: Path, path: Path) -> str:
-    """Return `path` relative to the run folder. If both paths have only the root folder in common,
-    return only the file name: the relative path would contain the names of private folders, and
-    files of a run must not contain them.
-    """
-    path, run_dir = path.resolve(), run_dir.resolve()
-    if os.path.commonpath([path, run_dir]) == path.anchor:
-        return path.name
-    return Path(os.path.relpath(path, run_dir)).as_posix()
 
 
 @dataclass(frozen=True)
@@ -276,8 +250,8 @@ class _Run:
         stages = self.stages or pipeline()
         recover(self.run_dir, [output for stage in stages for output in stage.outputs])
         records = load_records(self.run_dir, self.warn)
-        if self.loaded.spec.model.type != AUTO:
-            records.pop(SEARCH_STAGE, None)
+        if self.loaded.spec.model.type != AUTO and SEARCH_STAGE in records:
+            self.set_search_aside(records.pop(SEARCH_STAGE), records.get("segment"))
         if load_origin(self.run_dir) != self.origin:
             # the record is written before the first stage runs, so that the folder is recognised
             # as a run folder
@@ -304,6 +278,21 @@ class _Run:
         if self.written:
             self.save(kept)
         return plans
+
+    def set_search_aside(self, search: StageRecord, after: StageRecord | None) -> None:
+        """Move the files of an earlier search to the trash, because the model now has another
+        structure. Files of a search without a model stay (`mapmore tune` writes them). Files
+        that were changed stay too, and so does the spec that was found if this command reads it.
+        """
+        names = [name for name in (SEARCH, FOUND) if self.is_own(name)]
+        alone = FOUND in names and (after is None or after.before != search.fingerprint)
+        if not names or alone or any(is_read(self.run_dir / name) for name in names):
+            return
+        place = to_trash(self.run_dir, names)
+        self.warn(
+            f"{self.run_dir}: the spec requests no search any more; the results of the earlier "
+            f"search ({', '.join(names)}) were moved to {place}"
+        )
 
     def save(self, records: Mapping[str, StageRecord]) -> None:
         """Write the record, including the further files in `written`."""
@@ -377,7 +366,7 @@ class _Run:
         """
         issues = findings.kept(self.run_dir, findings.mark_of(self.loaded, ingest.now.fingerprint))
         ends = self.options.check and issues is not None and findings.refusal(issues)
-        return None if ends or findings.FINDINGS not in written_files(self.run_dir) else issues
+        return None if ends or not self.is_own(findings.FINDINGS) else issues
 
     def apply_rules(self, ingest: StagePlan) -> None:
         """Apply the rules to the data that the stage ingest has read, and report the findings. If
@@ -453,31 +442,38 @@ class _Run:
         return runs / name
 
     def is_current(self, other: Needed) -> bool:
-        """Return True if another run is up to date and its folder contains its resolved spec. The
-        result is False if a process is working in this folder, or was killed there.
+        """Return True if another run is up to date. Unless its model is used as it is, its folder
+        must also contain its present spec. The result is False if a process is working in this
+        folder, or was killed there.
         """
-        run_dir = self.run_dir.parent / other.loaded.spec.name
-        plans = plans_of(other, self.stages, other.last, self.run_dir.parent)
+        runs = self.run_dir.parent
+        there = replace(self, loaded=other.loaded, run_dir=runs / other.loaded.spec.name)
+        before, now = load_origin(there.run_dir), origin_of(other.loaded, there.run_dir)
+        if other.need.overrides and before is not None and before.spec != now.spec:
+            return False  # the spec of the study, and of its variation, was renamed
         return (
-            all(plan.reason is None for plan in plans)
-            and is_tidy(run_dir)
-            and (run_dir / RESOLVED_SPEC).is_file()
+            all(plan.reason is None for plan in plans_of(other, self.stages, other.last, runs))
+            and is_tidy(there.run_dir)
+            and (other.is_kept(runs) or not there.unwritten(other.last))
         )
 
     def unwritten(self, until: str) -> dict[str, str]:
         """Return the texts of spec files in the run folder that are missing or not up to date, by
         file name. There are two such files: the spec with which the run can be repeated in its
-        folder, and, after a search, the spec with the structure that was found. A file that the
-        record of the run does not list is returned too.
+        folder, and, after a search, the spec with the structure that was found. A file that is not
+        in the record of the run, because the run was interrupted before, is returned too.
         """
         spec, texts = as_found(self.loaded, self.run_dir), dict[str, str]()
         if until != SEARCH_STAGE:
             texts[RESOLVED_SPEC] = spec.resolved_in(self.run_dir)
         if spec is not self.loaded:
             texts[FOUND] = spec.resolved_in(self.run_dir, given_only=True)
-        known = written_files(self.run_dir)
         return {
             name: text
             for name, text in texts.items()
-            if name not in known or not holds(self.run_dir / name, text.encode())
+            if not self.is_own(name) or not holds(self.run_dir / name, text.encode())
         }
+
+    def is_own(self, name: str) -> bool:
+        """Return True if the record of the run lists a file, and the file has not changed since."""
+        return is_as_written(self.run_dir / name, written_files(self.run_dir).get(name))

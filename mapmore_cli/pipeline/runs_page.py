@@ -17,7 +17,7 @@ import numpy as np
 
 from mapmore_cli.domain.errors import Warn
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, deciding
-from mapmore_cli.pipeline.runs_rows import MARK, PAGE, Row, rows_of
+from mapmore_cli.pipeline.runs_rows import MARK, PAGE, Row, mark_of, rows_of
 from mapmore_cli.storage.atomic import refusals_told, refuse_irregular, write_own
 from mapmore_cli.storage.run_folder import RunFiles, run_lock
 from mapmore_cli.storage.run_record import RUN_RECORD
@@ -61,11 +61,12 @@ def write_runs_page(
 
 
 def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
-    """Return the rows of a run, one for each output. If the scores have not changed since `known`
+    """Return the rows of a run, one for each output. If the run has not changed since the `known`
     rows were written, these rows are returned.
     """
-    ended = (run.run_dir / "scores.json").stat().st_mtime
-    if same := [row for row in known if row.ended == ended]:
+    ended, mark = (run.run_dir / "scores.json").stat().st_mtime, mark_of(run.run_dir)
+    same = [row for row in known if row.mark == mark]
+    if same and {alert for row in same for alert in row.alerts} == {*run.alerts}:
         return same
     record = json.loads((run.run_dir / RUN_RECORD).read_bytes())
     muscle, data = "", list[str]()
@@ -97,6 +98,7 @@ def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
             ended=ended,
             picture=_picture(validation, dataset),
             seconds=seconds,
+            mark=mark,
         )
         rows.append(row)
     return rows

@@ -4,6 +4,7 @@ contains the rows as JSON data.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
@@ -11,8 +12,10 @@ from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from mapmore_cli.checking.findings import FINDINGS
 from mapmore_cli.domain.scores import OWN, Alert
 from mapmore_cli.storage.atomic import content_of
+from mapmore_cli.storage.run_record import RUN_RECORD
 
 PAGE = "index.html"
 MARK = '<script type="application/json" id="runs">'
@@ -32,6 +35,7 @@ class Row:
     - `picture`: measured and predicted values along a curve, as two SVG paths.
     - `seconds`: duration of each stage when it last ran. This is stored only here, because the page
       of a single run contains no times, so that the same input gives the same bytes.
+    - `mark`: hash of the files of the run from which the row was made (`mark_of`).
     """
 
     run: str
@@ -45,6 +49,7 @@ class Row:
     ended: float
     picture: tuple[str, str]
     seconds: Mapping[str, float] = field(default_factory=dict)
+    mark: str = ""
 
     @property
     def own(self) -> float | None:
@@ -85,13 +90,25 @@ def rows_of(place: Path) -> list[Row] | None:
     return None
 
 
-def known_alerts(run_dir: Path) -> tuple[Alert, ...] | None:
-    """Return the warnings about the scores of a run, taken from the page of all runs, so that the
-    results of the run need not be read. Return None if the page does not contain this run, or if
-    the scores of the run have changed since the page was written.
+def mark_of(run_dir: Path) -> str:
+    """Return a hash of the record and the findings of a run. The record contains the hashes of all
+    results, so that the mark changes if anything in a row of the run changes, apart from the number
+    of open questions in its spec.
     """
-    scores = run_dir / "scores.json"
-    ended = scores.stat().st_mtime if scores.is_file() else None
-    rows = rows_of(run_dir.parent / PAGE) or ()
-    known = [row for row in rows if (row.run, row.ended) == (run_dir.name, ended)]
-    return tuple(dict.fromkeys(alert for row in known for alert in row.alerts)) if known else None
+    places = [run_dir / RUN_RECORD, run_dir / FINDINGS]
+    return hashlib.sha256(
+        b"".join(content_of(place) for place in places if place.is_file())
+    ).hexdigest()
+
+
+def known_alerts(run_dir: Path) -> tuple[Alert, ...] | None:
+    """Return the warnings about the scores of a run whose spec has no open questions, taken from
+    the page of all runs, so that the results of the run need not be read. Return None if the page
+    does not contain this run, if the run has changed since the page was written, or if its spec had
+    open questions then.
+    """
+    rows, mark = rows_of(run_dir.parent / PAGE) or (), mark_of(run_dir)
+    known = [row for row in rows if (row.run, row.mark) == (run_dir.name, mark)]
+    alerts = tuple(dict.fromkeys(alert for row in known for alert in row.alerts))
+    had_questions = any(alert.kind == "unconfirmed" for alert in alerts)
+    return alerts if known and not had_questions else None

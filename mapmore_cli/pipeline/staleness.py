@@ -5,6 +5,7 @@ that a stage needs.
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,14 +15,29 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.fitting.stage import Need, Stage
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.pipeline.differences import fingerprint, recorded, slice_differences
-from mapmore_cli.storage.run_record import SEARCH_STAGE, StageRecord, Stamp, load_records
+from mapmore_cli.storage.run_record import (
+    SEARCH_STAGE,
+    Origin,
+    StageRecord,
+    Stamp,
+    load_origin,
+    load_records,
+)
 from mapmore_cli.storage.stamps import take_stamp
 from mapmore_cli.study.loader import LoadedSpec, changed, load
 from mapmore_cli.study.sections.results import Competitor
 from mapmore_cli.study.yaml_dumper import as_overrides
 
-MODEL_STAGE = "fuse"
-"""Stage that writes the model, which other runs may need."""
+MODEL_STAGE, PAGE_STAGE = "fuse", "report"
+"""Stage that writes the model, which other runs may need, and stage that writes the page, which
+shows the command that repeats the run.
+"""
+
+RESOLVED_SPEC = "experiment.yaml"
+FOUND = "found.yaml"
+"""File with the spec and its defaults, and file with the spec that a search found. The second one
+is an ordinary spec with the structure that was found.
+"""
 
 
 def pipeline(searched: bool = False) -> tuple[Stage, ...]:
@@ -112,6 +128,36 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
         refuse_circle(load(other), chain)
 
 
+def origin_of(loaded: LoadedSpec, run_dir: Path, campaign: Path | None = None) -> Origin:
+    """Return the origin of a run: the spec, campaign and settings from which it is made now. If the
+    run is repeated with the copy of the spec in its own folder, its origin remains the
+    original spec.
+    """
+    before = load_origin(run_dir)
+    if (
+        before is not None
+        and loaded.path.name in (RESOLVED_SPEC, FOUND)
+        and loaded.path.resolve().parent.parent == run_dir.resolve().parent
+    ):
+        return before
+    return Origin(
+        _from(run_dir, loaded.path),
+        _from(run_dir, campaign) if campaign else "",
+        tuple(loaded.overrides),
+    )
+
+
+def _from(run_dir: Path, path: Path) -> str:
+    """Return `path` relative to the run folder. If both paths have only the root folder in common,
+    return only the file name: the relative path would contain the names of private folders, and
+    files of a run must not contain them.
+    """
+    path, run_dir = path.resolve(), run_dir.resolve()
+    if os.path.commonpath([path, run_dir]) == path.anchor:
+        return path.name
+    return Path(os.path.relpath(path, run_dir)).as_posix()
+
+
 def _varied(loaded: LoadedSpec, variation: Need) -> LoadedSpec:
     """Return the spec of a variation: the spec of the study with other settings. A variation is a
     competitor of the study. It has no competitors itself, because those of the study may not suit
@@ -191,6 +237,9 @@ def plan_stages(
             f"run {run.need.key}": _model_mark(run, stages, run_dir.parent, rehash)
             for run in needed
         }
+        if stage.name == PAGE_STAGE:
+            origin = origin_of(loaded, run_dir)
+            chosen["command"] = shlex.join([origin.spec, *origin.settings])
         inputs = _source_stamps(stage, loaded, known.inputs if known else {}, rehash)
         contents = {path: stamp.sha256 for path, stamp in inputs.items()}
         mark = fingerprint(stage.name, stage.revision, chosen, before, contents)

@@ -61,6 +61,15 @@ def note_output(path: Path) -> None:
         files.outputs.append(path)
 
 
+def is_read(path: Path) -> bool:
+    """Return True if the command has read the file `path`, under this name or another one."""
+    try:
+        refuse_read(path)
+    except WriteError:
+        return True
+    return False
+
+
 def refuse_read(path: Path) -> None:
     """Raise WriteError if the command has read the file `path`, under this name or another one (a
     hard link).

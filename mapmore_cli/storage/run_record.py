@@ -199,10 +199,25 @@ def stale_stages(records: Mapping[str, StageRecord]) -> dict[str, str]:
     """
     reasons: dict[str, str] = {}
     done = [name for name in STAGES if name in records]
+    first, after = records.get("ingest"), records.get("segment")
+    if first and after and after.before == first.fingerprint and SEARCH_STAGE in done:
+        done.remove(SEARCH_STAGE)  # `mapmore tune` searched, but the run has another structure
     for before, name in pairwise(done):
         if records[name].before != records[before].fingerprint or before in reasons:
             reasons[name] = reasons.get(before, before)
     return reasons
+
+
+def refuse_stale(run_dir: Path) -> None:
+    """Raise DataError if the model or the scores of a run are out of date, because an earlier stage
+    was repeated after them. The results of the run then belong to different specs or data.
+    """
+    old = stale_stages(load_records(run_dir))
+    if name := next((name for name in STAGES[:-1] if name in old), None):
+        raise DataError(
+            f"{run_dir}: {name} is out of date, because {old[name]} was repeated since",
+            "bring the run up to date with `mapmore run`",
+        )
 
 
 def load_origin(run_dir: Path) -> Origin | None:

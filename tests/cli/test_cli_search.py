@@ -1,5 +1,6 @@
 """`model: {type: auto}`: the structure is searched on training data alone, kept, and told."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -49,7 +50,9 @@ def write_bare(folder, permuted=False):
     return folder / "bare.yaml"
 
 
-def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tmp_path, document):
+def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(
+    tmp_path, mapmore, document
+):
     spec = write_bare(tmp_path)
     found = document("run", spec, "-q")
     assert found["stages"]["search"] == "done"
@@ -68,6 +71,17 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(tm
     reasons = document("run", spec, "--explain", "-q")["stages"]
     assert list(reasons) == ["ingest", "search", "segment", "fit", "fuse", "validate", "report"]
     assert set(reasons.values()) == {None}
+
+    # the spec that was found stays for a spec that reads it, and goes with another structure
+    shutil.copytree("runs", "again")
+    for runs, reads in (("again", True), ("runs", False)):
+        words = [f"extends: {runs}/bare/found.yaml", "data: {files: [bare.csv]}"]
+        spec.write_text("\n".join(words) if reads else f"{SPEC}dictionary: [{{terms: [strain]}}]\n")
+        mapmore("ingest", spec, "--runs", runs, code=0, says=() if reads else "runs/.trash")
+        there = {path.name for path in Path(runs, "bare").iterdir()}
+        assert {"search.json", "found.yaml"} & there == (
+            {"search.json", "found.yaml"} if reads else set()
+        )
 
 
 def test_a_structure_of_another_spec_is_searched_again(tmp_path, document):

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from cli_samples import OWN, by_place, change_forces, edit, options, scored_run, write_study
 
+from mapmore_cli.storage.run_record import load_origin
+
 
 def against(spec, entry):
     """The spec, also compared with the entry."""
@@ -22,6 +24,9 @@ def test_a_variation_scores_as_a_run_with_these_settings_does(study, mapmore):
     assert (folder / "model.h5").is_file()
     assert not (folder / "validate.h5").exists()
     assert set(scored_run(mapmore, varied)[1].values()) == {"up-to-date"}
+    varied = varied.rename(varied.with_name("renamed.yaml"))
+    scored_run(mapmore, varied)
+    assert load_origin(folder).spec == "../../renamed.yaml"
     settings = options("fit.max_terms=2", "fuse={z_s: 0.4}", "validate={}", "name=alone")
     alone, _ = scored_run(mapmore, varied, *settings)
     assert rmse["two"] == alone["mapmore"]

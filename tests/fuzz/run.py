@@ -18,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 import documents
 import drafts
+import edits
 import exports
 import expressions
 import forged
@@ -48,6 +49,7 @@ TARGETS = (
     (specs.RUNS, 400),
     (studies.FOLDERS, 200),
     (studies.RUNS, 50),
+    (edits.TARGET, 400),
 )
 """What is tried, and one in how many of COUNT: a spec takes fifty times as long as an expression, a
 run a thousand times.

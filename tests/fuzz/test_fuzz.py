@@ -7,6 +7,7 @@ import signal
 import documents
 import drafts
 import driver
+import edits
 import exports
 import expressions
 import forged
@@ -43,6 +44,7 @@ pytestmark = pytest.mark.filterwarnings("ignore")
         (words.TARGET, 26),
         (studies.FOLDERS, 4),
         (studies.RUNS, 2),
+        (edits.TARGET, 1),
     ],
     ids=lambda x: getattr(x, "name", x),
 )

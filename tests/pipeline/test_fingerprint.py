@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from fake_study import study
 
-from mapmore_cli.pipeline.differences import fingerprint, place_in_spec, slice_differences
-from mapmore_cli.pipeline.staleness import _file_differences, _reasons
+from mapmore_cli.pipeline.differences import fingerprint, place_in_spec, recorded, slice_differences
+from mapmore_cli.pipeline.staleness import _file_differences, _reasons, pipeline
 from mapmore_cli.storage.run_record import StageRecord, Stamp
+from mapmore_cli.study.experiment import ExperimentSpec
 
 
 def test_order_of_keys_is_of_no_account():
@@ -82,3 +85,33 @@ def test_reasons_why_a_stage_runs():
     assert _reasons(more, known, known, "ingest") == ["output missing: table.csv"]
     files = _file_differences("source", "removed", stamps(a="1", b="2"), stamps(b="3", c="4"))
     assert files == ["source removed: a", "source changed: b", "source added: c"]
+
+
+SECTIONS = {
+    "name": "other",
+    "muscle": {"name": "B"},
+    "units": {"load": "kN"},
+    "needs": {"damping": "other.yaml"},
+    "data": {"files": ["*.csv"], "columns": {"force": {"column": 0}, "strain": {"column": 1}}},
+    "target": {"column": "strain"},
+    "segment": {"strain": {"method": "even", "count": 2}},
+    "dictionary": [{"terms": ["strain^2"]}],
+    "formulas": [{"name": "unused", "expression": "a*strain", "parameters": {"a": {}}}],
+    "model": {"type": "literature", "name": "sarosi"},
+    "fit": {"max_terms": 2},
+    "fuse": {"z_s": 0.3},
+    "validate": {"simple": False},
+    "report": {"formats": ["csv"]},
+}
+
+
+def test_every_section_is_read_by_a_stage():
+    """The page shows all of them, also a section without effect on the results."""
+    fields = ExperimentSpec.model_fields.items()
+    assert {*SECTIONS} == {field.alias or name for name, field in fields} - {"schema_version"}
+
+    def slices(**sections):
+        return [recorded(stage.reads(study(Path(), **sections).spec)) for stage in pipeline()]
+
+    for name, section in SECTIONS.items():
+        assert slices(**{name: section}) != slices(), name

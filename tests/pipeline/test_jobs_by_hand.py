@@ -26,9 +26,12 @@ def test_results_are_read_for_alerts_unless_the_page_knows_them(
     monkeypatch.setattr(alerts, "alerts_of", lambda *results: results)
     stages = {"ingest": "up-to-date", **({"search": until_now} if searched else {})}
     outcome = SimpleNamespace(run_dir=Path("r"), stages={**stages, "report": until_now})
-    whole = ("dataset", "model", "validation", ("u",), "findings", "search" if searched else None)
     is_known = until_now == "up-to-date" and known is not None
-    assert jobs._alerts(outcome, ("u",)) == (known if is_known else whole)
+    for questions in ((), ("u",)):
+        whole = ("dataset", "model", "validation", questions, "findings")
+        whole += ("search" if searched else None,)
+        alerts_now = known if is_known and not questions else whole
+        assert jobs._alerts(outcome, questions) == alerts_now
 
 
 def test_a_job_for_another_machine_has_whole_paths_and_waits():

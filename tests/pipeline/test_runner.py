@@ -12,7 +12,10 @@ import pytest
 from fake_study import contents, fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
-from mapmore_cli.pipeline.runner import Options, _from, bring_up_to_date, explain
+from mapmore_cli.fitting.stage import Need
+from mapmore_cli.pipeline import staleness
+from mapmore_cli.pipeline.runner import Options, bring_up_to_date, explain
+from mapmore_cli.pipeline.staleness import _from
 from mapmore_cli.storage.ownership import contents_of
 from mapmore_cli.storage.run_folder import run_lock
 from mapmore_cli.storage.run_record import written_files
@@ -276,6 +279,36 @@ def test_resolved_spec_is_written_and_kept_up(folder):
     second = study(folder, muscle={"name": "B"})
     assert run(second, until="fuse").reasons == {}
     assert path.read_text() == second.resolved
+
+
+def test_a_page_that_shows_another_command_is_made_again(folder):
+    run(study(folder))
+    changed = replace(study(folder), overrides=("fit.max_terms=1",))
+    why = {"report": "report.command: ../../study.yaml -> ../../study.yaml fit.max_terms=1"}
+    assert {stage: reason for stage, reason in reasons(changed) if reason} == why
+    assert run(changed).reasons == why
+
+
+def test_a_spec_that_was_written_before_an_interruption_is_the_runs_own(folder):
+    run_dir = run(study(folder)).run_dir
+    document = record(folder)
+    document["files"]["experiment.yaml"] |= {"mtime_ns": 1, "sha256": "0" * 64}
+    (run_dir / "run.json").write_text(json.dumps(document))
+    assert_settled(folder)
+    assert contents_of(run_dir).others == ()
+
+
+def test_the_spec_of_a_run_that_is_needed_is_kept_up(folder, monkeypatch):
+    """The muscle changes no stage of the other run."""
+    ingest, *others = fake_stages()
+    needing = replace(
+        ingest, needs=lambda spec: [Need("other.yaml")] if spec.name == "demo" else []
+    )
+    for muscle in ({"name": "A"}, {"name": "B"}):
+        other = study(folder, name="other", muscle=muscle)
+        monkeypatch.setattr(staleness, "load", lambda _path, other=other: other)
+        run(study(folder), (needing, *others))
+        assert (folder / "runs" / "other" / "experiment.yaml").read_text() == other.resolved
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """The page of all runs: one row for each output, kept in the page itself."""
 
 import json
-import os
 import re
 import shutil
 import time
@@ -208,6 +207,7 @@ def test_a_long_curve_is_drawn_by_forty_of_its_samples():
     np.testing.assert_allclose(measured[[0, -1]], [[1, 35], [119, 1]])
 
 
+QUESTION = Alert("unconfirmed", "1 guess is not confirmed", "unconfirmed")
 ROW = Row("a", "Peano", "", "a.csv", "force", "validate", {}, (), 0.0, ("", ""))
 
 
@@ -223,15 +223,26 @@ def test_the_best_of_the_others_is_that_of_the_smallest_error(errors, own, best)
     assert (row.own, row.best_other, row.day) == (own, best, "1970-01-02 01:00")
 
 
-def test_alerts_are_known_while_the_scores_are_those_of_the_page(folder):
+def test_alerts_are_known_while_the_run_is_that_of_the_page(folder):
     run = folder.finish("a", alerts=(Alert("x", "first", "fit"), Alert("y", "second", "fit")))
     assert known_alerts(run.run_dir) is None  # there is no page
     write_runs_page(folder.runs, [run, folder.finish("b")])
     assert known_alerts(run.run_dir) == run.alerts
     assert known_alerts(folder.runs / "b") == ()
     assert known_alerts(folder.runs / "c") is None
-    os.utime(run.run_dir / "scores.json", ns=(0, 0))  # another run has ended since
-    assert known_alerts(run.run_dir) is None
+    for name in ("run.json", "check.json"):  # another run has ended since
+        (run.run_dir / name).write_text(f"other {name}")
+        assert known_alerts(run.run_dir) is None
+        write_runs_page(folder.runs, [folder.finish("a", alerts=run.alerts)])
+        assert known_alerts(run.run_dir) == run.alerts
+
+
+def test_a_row_is_made_again_when_only_the_page_of_its_run_has_changed(folder):
+    """The time of the scores is the same."""
+    for muscle, alerts in (("A", ()), ("B", ()), ("B", (QUESTION,)), ("B", ())):
+        write_runs_page(folder.runs, [folder.finish("a", muscle, alerts=alerts)])
+        assert [(row.muscle, row.alerts) for row in folder.rows] == [(muscle, alerts)]
+        assert known_alerts(folder.runs / "a") == (None if alerts else ())
 
 
 def test_equations_in_other_units_are_named_by_what_differs(monkeypatch):

@@ -5,7 +5,9 @@ stages made from old results.
 import csv
 import json
 import math
+from contextlib import nullcontext
 from dataclasses import fields, replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +20,8 @@ from mapmore_cli.cli.views import of_file
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.foreign import csv_cell
 from mapmore_cli.domain.scores import Score, ScoreTable
-from mapmore_cli.storage.run_record import stale_stages
+from mapmore_cli.storage import run_record
+from mapmore_cli.storage.run_record import refuse_stale, stale_stages
 from mapmore_cli.storage.scores import read_scores, write_scores
 
 ROW = Score(
@@ -152,6 +155,7 @@ def test_scores_of_a_target_without_a_unit_are_shown(tmp_path):
         ("segment=other fit=segment fuse=fit", "segment fit fuse", "ingest"),
         ("segment=ingest fit=other report=fit", "fit report", "segment"),
         ("search=other segment=search fit=other", "search segment fit", "ingest"),
+        ("search=ingest segment=ingest fit=segment", "", ""),  # of `tune`
     ],
 )
 def test_stages_behind_one_that_was_repeated_are_old(made_from, old, repeated):
@@ -159,3 +163,7 @@ def test_stages_behind_one_that_was_repeated_are_old(made_from, old, repeated):
     pairs = [entry.split("=") for entry in ("ingest= " + made_from).split()]
     records = {name: SimpleNamespace(fingerprint=name, before=before) for name, before in pairs}
     assert stale_stages(records) == dict.fromkeys(old.split(), repeated)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_record, "load_records", lambda _folder: records)
+        with pytest.raises(DataError, match="repeated since") if old else nullcontext():
+            refuse_stale(Path("runs/a"))

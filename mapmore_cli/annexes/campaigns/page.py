@@ -76,8 +76,9 @@ def write_page(
 
 def _ways_made(folder: Path, texts: Mapping[str, str], warn: Warn) -> dict[str, list[str]]:
     """Move files of the last page to the trash if somebody changed them after mapmore wrote them.
-    Return, for each file of the new page, a list with the hash of its new contents. If the file
-    exists already and was written by mapmore, the list also has the hash of its present contents.
+    Remove unchanged files that the new page does not have. Return, for each file of the new page, a
+    list with the hash of its new contents. If the file exists already and was written by mapmore,
+    the list also has the hash of its present contents.
 
     A record of an older version of mapmore lists no files. Then every existing file is treated as
     written by mapmore.
@@ -97,6 +98,13 @@ def _ways_made(folder: Path, texts: Mapping[str, str], warn: Warn) -> dict[str, 
         else:
             trash = to_trash(folder, [name])
             warn(f"{place}: was changed after mapmore wrote the page; the old files are in {trash}")
+    former = known if isinstance(known, dict) else {}
+    for place in (folder / name for name in former.keys() - texts.keys()):
+        inside = place.parent in (folder, folder / "tables")
+        if inside and place.is_file() and not place.is_symlink():
+            now = sha256(place.read_bytes()).hexdigest()
+            if now in former[place.relative_to(folder).as_posix()]:
+                place.unlink()
     return files
 
 

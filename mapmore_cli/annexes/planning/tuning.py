@@ -30,11 +30,8 @@ from mapmore_cli.modelling.kinds import parameters
 from mapmore_cli.modelling.selection import AUTO
 from mapmore_cli.modelling.validation.significance import simplest_of
 from mapmore_cli.pipeline.processors import shared_out
-from mapmore_cli.pipeline.runner import (
-    FOUND,
-    Listeners,
-    bring_up_to_date,
-)
+from mapmore_cli.pipeline.runner import Listeners, bring_up_to_date
+from mapmore_cli.pipeline.staleness import FOUND
 from mapmore_cli.storage.run_folder import RunFiles
 from mapmore_cli.storage.run_record import SEARCH_STAGE
 from mapmore_cli.study.loader import LoadedSpec, load

@@ -94,6 +94,7 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
     is_own, is_backbone = loc[0] == "model", loc == ("model", "backbone")
     of_cycles = formula.fitted_to == literature.LOAD_CYCLES
     beside, muscle = "use it as a competitor: name it in `validate.against`", spec.muscle
+    predicted = (None if is_own else spec.validation.as_) or spec.target_quantity
     beyond = "use `type: literature` with `{name}`" if is_backbone else None
     yield from applying(
         (
@@ -120,6 +121,12 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
             )
             for missing in formula.inputs
         ),
+        (
+            predicted in formula.inputs,
+            loc,
+            "`{name}` needs `{predicted}` as an input, but `{predicted}` is to be predicted here",
+            "leave `{name}` out, or set `target` to the quantity that `{name}` gives",
+        ),
         (of_cycles and is_own, loc, "`{name}` is fitted to load cycles, not to a target", beside),
         (
             of_cycles and not is_own and (spec.needs.static is None or spec.target not in MOTION),
@@ -134,6 +141,7 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
             "add `length: 88 mm` (with your own number) to `muscle`",
         ),
         name=name,
+        predicted=predicted,
     )
 
 
