@@ -68,7 +68,7 @@ def adapt(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Adapt the model of a family to a specimen with a few measured points.
+    """Adapt the model of a family to a specimen with a few points.
 
     The force is multiplied by one factor and the strain by another. Both factors are expected to be
     near 1 (prior: 1 +- 15 %). The new model has the inputs pressure and strain, and can be used

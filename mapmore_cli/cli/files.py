@@ -75,7 +75,7 @@ def schema(
         ),
     ] = "json",
 ) -> None:
-    """Print the JSON Schema of the experiment spec, or a description of keys, formulas or files."""
+    """Print the JSON Schema of the spec, or a reference as Markdown."""
     from mapmore_cli.modelling.literature import reference as formulas
     from mapmore_cli.storage.artefacts.reference import described
     from mapmore_cli.study.schema import json_schema
