@@ -30,8 +30,7 @@ within a factor of 1.6 of the mean.
 @dataclass(frozen=True)
 class GroupEffects:
     """Estimated gain and offset of each group. The keys of `gains` and `offsets` are the values of
-    the quantity `of`, which distinguishes the groups. Both mappings are empty if they were not
-    requested.
+    the quantity `of`, which distinguishes the groups. A mapping is empty if it was not requested.
 
     The offsets have mean zero, and so have the logarithms of the gains. `unknown` holds the groups
     without training samples, whose gains and offsets cannot be estimated.

@@ -24,7 +24,8 @@ class Need:
       study, `key` is the name of the variation, and the run is called `<name of the study>.<key>`.
     - `overrides`: settings of a variation, in the form of `--set`.
     - `compared`: True if the model of this run is only a competitor of the study's model. If the
-      run has a model already, this model is used unchanged, even if it is out of date.
+      run has a model already, this model is used unchanged, even if it is out of date. If the run
+      has no model yet, the model is made.
     """
 
     key: str

@@ -50,7 +50,9 @@ than `STEEP` times the slope of its secant, because the output may then turn twi
 
 CHUNK = 500  # number of rows that are computed at once
 BISECTIONS = 50  # number of bisections; more would not reduce the error because of rounding
-SAME = 1e-9  # a difference of outputs below this fraction of their range is treated as zero
+# A difference of outputs is treated as zero if it is at most this fraction of their range, or of
+# the wanted output if that is larger. Widths of an input are compared with its range.
+SAME = 1e-9
 # At a solution, the output differs from the wanted output by at most this fraction of it.
 # If the output differs more from the wanted output, bisection has found a jump, not a solution.
 REACHED = 1e-6

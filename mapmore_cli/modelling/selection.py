@@ -21,7 +21,7 @@ from mapmore_cli.modelling.frols.weighing import LOSSES
 
 # A setting with this value, for example `backbone: auto`, is chosen by cross-validation.
 AUTO = "auto"
-# smallest possible ridge, except zero; smaller values are rounding errors of the Gram matrix
+# smallest ridge except zero; a smaller ridge is lost in the rounding errors of the Gram matrix
 LEAST_RIDGE = 1e-9
 # default ratio of the number of terms before pruning to the number after pruning
 FORWARD = 3

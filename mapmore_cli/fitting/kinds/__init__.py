@@ -37,8 +37,8 @@ class Given:
     """Everything from which a model is made: the data, the segmentation, and the function
     `model_of`, which takes the path of a spec and returns the model of its run.
 
-    If `near` is not None, it is an earlier fit to a larger part of the same data. The search for
-    parameters then begins at the parameters of this earlier fit.
+    If `near` is not None, it is an earlier fit to the samples of `dataset` and further samples. The
+    search for parameters then begins at the parameters of this earlier fit.
     """
 
     dataset: Dataset

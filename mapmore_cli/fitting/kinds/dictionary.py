@@ -69,8 +69,8 @@ def units_of(spec: ExperimentSpec) -> dict[str, str]:
 
 
 def signals_of(spec: ExperimentSpec) -> tuple[Signal, ...]:
-    """Return all rates and directions of a study. A rate of another rate comes after that other
-    rate in the result.
+    """Return the rules of all rates and directions of a study. If a quantity is computed from
+    another rate or direction, its rule comes after the rule of that other quantity.
     """
     units = units_of(spec)
     signals = {

@@ -71,8 +71,8 @@ def evaluate(expression: Expression, columns: Columns, n: int | None = None) -> 
 
 def folded(expression: Expression) -> Expression:
     """Return the expression, in which every part without variables is replaced by its numerical
-    value. A constant divisor remains a divisor: for example, `2*y/620` is not changed to a multiple
-    of y.
+    value. A constant divisor of an expression with variables remains a divisor: for example,
+    `2*y/620` is not changed to `0.00322581*y`.
 
     Examples
     --------

@@ -7,7 +7,7 @@
     atom     = number | name | state | function "(" sum ")" | "(" sum ")"
 
 A state with memory (`expressions.states`), for example `force[k-1]`, is one name. The length of the
-text and the number of nested brackets are limited, so that hostile text causes an
+text and the depth of nested brackets and exponents are limited, so that hostile text causes an
 `ExpressionError`, never a `RecursionError`.
 """
 

@@ -79,7 +79,8 @@ class Expression:
                 return part.names
         return frozenset()
 
-    # makes NumPy call `__radd__` and similar methods of this class for `NumPy number + expression`
+    # For `NumPy number + expression`, NumPy then leaves the operation to `__radd__` of this class.
+    # The same is true for the other operators.
     __array_ufunc__ = None
 
     __add__, __radd__ = _both_ways(lambda left, right: add(left, right))

@@ -4,7 +4,7 @@ errors.
 The covariance of the coefficients is `(P'P)^-1 P' Omega P (P'P)^-1`. Omega is the covariance of the
 noise, `white I + drift kept^|i-j|` within a recording: white noise, and a drift of which the
 fraction `kept` remains after one sample. Estimators that sum the autocovariance of the residuals
-over lags (Newey and West, Econometrica 55, 1987) give at most half of the true standard errors for
+over lags (Newey and West, Econometrica 55, 1987) give at most half of the true covariance for
 `kept` = 0.97. The reason is that a fit also follows the noise, most of all its slow part, which is
 then missing from the residuals. Therefore, `matched` searches the values of `white`, `drift` and
 `kept` for which the residuals of such a fit have, on average, the measured autocovariance.

@@ -65,10 +65,10 @@ def frols(
     The coefficients theta of the original regressors follow from `A theta = g`, in which the unit
     upper triangular matrix A describes the orthogonalisation.
 
-    A tall dictionary (`P` has many more rows than columns) is read once, to compute `P'P`, and once
-    more, to compute its triangular factor, if `P'P` loses digits. A small or wide dictionary is
-    read for every term. The selection is the same in all cases. `P` and `y` are not changed, and
-    are copied only if their squares overflow.
+    A tall dictionary (`P` has many more rows than columns) is read once, to compute `P'P`. If the
+    digits of `P'P` are not enough, it is read again, to compute residuals or its triangular factor.
+    A small or wide dictionary is read for every term. The selection is the same in all cases. `P`
+    and `y` are not changed, and are copied only if their squares overflow.
 
     - `P`: candidate regressors, (n, M), in either memory order; `y`: dependent variable, (n,).
     - `max_terms`: largest number of terms (M2 eq 7, read as: stop after so many terms); None for no

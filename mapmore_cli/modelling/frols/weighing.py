@@ -103,7 +103,8 @@ class Weighing:
     @cached_property
     def sigma(self) -> Array | None:
         """Divisor `sigma` of each row, (n,); None if all samples have the same weight. The weight
-        of a sample is `1/sigma^2`. The divisors are scaled so that the mean weight is one.
+        of a sample is `1/sigma^2`. The divisors are scaled so that the mean weight is one, and
+        weighted squares keep the unit of the target.
         """
         sigma = self.uncertainty
         if self.alike and self.curves is not None:

@@ -50,8 +50,8 @@ def descend(
     method: Literal["trf", "lm"] = "trf",
     evaluations: int | None = None,
 ) -> list[End]:
-    """Minimise `|r(x)|^2` with SciPy's least squares from every start at which r is finite, and
-    return the results in the order of the starts.
+    """Minimise `|r(x)|^2` with SciPy's least squares from every start at which r and its
+    derivatives are finite, and return the results in the order of the starts.
 
     `bounds` holds the lower and upper bounds of the coordinates, shape (k,) each; the method `lm`
     has no bounds. From each start, at most `evaluations` evaluations are made, by default

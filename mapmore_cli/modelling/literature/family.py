@@ -8,8 +8,8 @@ f is the hinged Sárosi formula, fitted to the forces of all specimens, each div
 largest force. `zero` is the mean of the forces of the slack muscles, over all specimens. b has a
 prior, because a few specimens hardly determine it. For the rest length of McKibben muscles, the
 centre of the prior is 19.03 1/m, and `dead`, the length of the fittings, is 7.5 mm (Bolen, Elzein,
-Pang, Hunt, Actuators 2026, from 31 muscles of 10 mm diameter). For a diameter, S is `a l^b`, and
-the centre of the prior of b is 2.
+Pang, Hunt, Actuators 2026, from 31 muscles of 10 mm diameter). For S = `a l^b`, which is meant for
+a diameter, the centre of the prior of b is 2.
 """
 
 from __future__ import annotations

@@ -43,8 +43,8 @@ class StateWriter:
       program recognises the first samples, at which past values do not exist yet. It is None if all
       past values are known.
     - `queues`: for each state whose past values are needed, the name of the queue that holds them.
-    - `rules`: if all past values are known, each operator becomes a function of the program;
-      `rules` holds the recursion of the operator by the name of this function.
+    - `rules`: if all past values are known, each operator and each scaling becomes a function of
+      the program; `rules` holds its rule by the name of this function.
     """
 
     def __init__(

@@ -21,7 +21,8 @@ from mapmore_cli.modelling.memory.selectors import TermChoice, problem_of
 from mapmore_cli.modelling.memory.training import TrainingData
 from mapmore_cli.modelling.selection import MemoryRecipe
 
-# free runs over this fraction at the end of each piece decide how many terms a model has
+# With `stop: free_run`, free runs over this fraction at the end of the training samples of each
+# piece decide how many terms the model has.
 LATE = 0.25
 STARTS = 3  # number of sets of starting values (of the operators' parameters) that are refined
 SHORT = 2048  # number of training samples on which the refined sets of starting values are compared

@@ -103,8 +103,8 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
     early = seen < float(max((state(name).lag for name in model.states.names), default=0))
 
     def bounded() -> Expression:
-        """Write the statements that compute the output. After the output has left the bounds, it is
-        NaN until the program is reset.
+        """Write the statements that compute the output. From the sample at which the output leaves
+        the bounds, it is NaN until the program is reset.
         """
         value, (low, high) = _sum_of_terms(m, model, names), divergence_bounds(model.limits)
         lost_now = [(lost > 0, NOTHING), (value < low, NOTHING), (value > high, NOTHING)]
@@ -126,8 +126,8 @@ def _written(m: Writer, model: MemoryModel, inputs: Inputs) -> Expression:
 
 def _sum_of_terms(m: Writer, model: MemoryModel, names: Mapping[str, Expression]) -> Expression:
     """Write the statements that compute `constant + sum_j theta_j D_j`, in which `D_j` is term j
-    and `theta_j` is its coefficient. Terms without fed-back states are added first, in the same
-    order as in a free run of `simulation`, so that rounding errors are equal too.
+    and `theta_j` is its coefficient. Terms without fed-back states are added up first, because a
+    free run (`simulation`) adds them up first too.
     """
     parts = parts_of_terms(model.terms, fed_back_states(model.states, model.output))
     sums: dict[int, list[Expression]] = {group: [] for group in range(len(parts.owns))}

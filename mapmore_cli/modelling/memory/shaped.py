@@ -1,8 +1,8 @@
 """Fit a model with memory so that its static gain has a known sign.
 
 If the inputs are constant for a long time, the states of all operators become constant. If the
-model has no delayed outputs, this output at rest is linear in the coefficients. The coefficients
-are then fitted with the sign as a constraint, by the same method as for a static model
+model has no delayed outputs, its output at rest is linear in the coefficients. The coefficients are
+then fitted with the sign as a constraint, by the same method as for a static model
 (`shape.exchange`). For a model with delayed outputs, the sign is only checked.
 """
 

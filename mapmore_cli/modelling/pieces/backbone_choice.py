@@ -100,8 +100,8 @@ def choose_backbone(
 
 def possible_backbones(curves: Sequence[Curve], target: str) -> tuple[str | None, ...]:
     """Return the names of all static formulas that can be the backbone. The inputs of such a
-    formula are among the quantities of the curves. The first element of the result is None, for no
-    backbone.
+    formula are among the quantities of the curves, and the formula needs no dimension of the
+    muscle. The first element of the result is None, for no backbone.
     """
     known = {name for name in curves[0].columns if name != target}
     usable = [

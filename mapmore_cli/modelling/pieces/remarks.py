@@ -15,7 +15,8 @@ from mapmore_cli.modelling.pieces.recipe import Recipe
 
 # Pieces are evaluated up to this fraction of the range of an input beyond both ends of the range.
 REACH = 0.1
-# An output is extreme if its distance from the middle of the measured range exceeds 1.5 ranges.
+# An output is extreme if its distance from the middle of the measured range is larger than this
+# multiple of the range.
 ASTRAY = 1.5
 LOOKED_AT = 400  # largest number of samples at which pieces are evaluated
 

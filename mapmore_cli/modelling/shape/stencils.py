@@ -79,8 +79,8 @@ class Stencils:
 
     def of(self, values: Array) -> Array:
         """Return the weighted sum of the values at the nodes of each stencil, (m,) or (m, k).
-        `values`, (n,) or (n, k), are given at all rows of the columns. The model has the shape if
-        no sum is negative.
+        `values`, (n,) or (n, k), are given at all rows of the columns. The condition is satisfied
+        at a stencil if its sum is not negative.
         """
         summed: Array = np.einsum("ms,ms...->m...", self.weights, values[self.nodes])
         return summed
@@ -118,7 +118,8 @@ def stencils_on(
     each input, in ascending order. A stencil is returned only if all its nodes are `inside`, (n,).
 
     A stencil for `increasing` or `decreasing` compares the means of two neighbouring groups of
-    `reach` nodes each. The next stencil on the same line begins `reach/2` nodes farther.
+    `reach` nodes each. The next stencil on the same line begins `reach/2` nodes farther, and at
+    least one node.
     """
     columns, points = nodes_of(axes), POINTS[asked.word] * reach
     along = list(axes).index(asked.quantity) if points > 1 else 0

@@ -38,7 +38,8 @@ COMPARED = 4096
 LEAST_ALONG = 24
 MOST_ALONG = 1000
 FEWEST = 10  # smallest number of differences that can support a sign
-# If at most this fraction of the differences has the wrong sign, the data are accepted at once.
+# If at most this fraction of the differences has the wrong sign, the data do not contradict the
+# sign. Otherwise, mapmore tests whether noise is the cause.
 CONTRADICTED = 0.05
 # a difference below this fraction of the range of the output is treated as a rounding error
 ROUNDING = 1e-9
@@ -52,7 +53,8 @@ RUNS = 199  # number of simulations of a constant output with noise
 UNLIKELY = 2.0
 # A slope with the wrong sign confirms a contradiction if it exceeds this many standard errors.
 CONFIRMED = 3.0
-# For means over n places, at most this number of contradictions are tested with a fitted surface.
+# The test uses means over groups of several sizes. For each size, at most this number of
+# contradictions, the most significant ones, may be tested with a fitted surface.
 TRIED = 32
 ABOUT = 3  # for d inputs, a plane is fitted to `2 d + ABOUT - 1` neighbours of a cell
 LOCAL = 12  # the noise of a cell is the mean over at least this many cells around it

@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import DataError
 
 # a reversal by less than this fraction of the range is noise or a minor loop
 SWING = 0.1
-# Rests are cut off at both ends of a branch, but at each end at most this fraction of its range.
+# Rests are cut off at both ends of a branch, at each end at most this fraction of the whole range.
 TRIM = 0.01
 FEWEST = 5  # smallest number of places at which a branch must be measured
 REMEDY = "leave out `cycles`, or record a movement there and back with more samples"
@@ -85,8 +85,8 @@ def turning_points(values: Array, swing: float) -> IntArray:
     """Return the rows of the minima and maxima at which `values`, (n,), reverse, including the two
     ends of the movement.
 
-    A minimum or maximum is returned only if the values then move back by at least `swing`. The
-    result is empty if no movement is as large as `swing`.
+    Except for the end of the movement, a minimum or maximum is returned only if the values then
+    move back by at least `swing`. The result is empty if no movement is as large as `swing`.
     """
     series = values.tolist()
     turns: list[int] = []

@@ -77,7 +77,7 @@ def match_levels(values: Array, levels: Array, within: float) -> IntArray:
 # a signal has settled when it stays within this fraction of its range around its final value
 BAND = 0.05
 RISEN = 0.9  # a rise of the pressure ends when it has reached this fraction of its range
-NOISE_SPANS = 20  # the pressure has risen only if its range is at least this multiple of the noise
+NOISE_SPANS = 20  # the pressure has risen only if its range is above this multiple of the noise
 # shortest plateau as a fraction of the rise time, so that the top of a triangle is no plateau
 SHORTEST = 0.5
 

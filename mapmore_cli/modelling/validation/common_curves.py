@@ -17,7 +17,8 @@ from mapmore_cli.modelling.ranges import limits
 # If one input varies within a curve, `GRID` is the number of points along this input.
 # If several inputs vary, `COARSE_GRID` is the number of points along each of them.
 GRID, COARSE_GRID = 41, 11
-# two levels are treated as equal up to this fraction of the smallest distance between levels
+# Levels of two models are treated as equal if their distance is at most this fraction of the
+# smallest distance between two levels of one model.
 SAME_LEVEL = 0.05
 FEWEST_CURVES = 2  # smallest number of common curves with which two models are compared
 

@@ -42,7 +42,8 @@ class CurveChange:
 
     - `ratio`: the factor by which the output has changed. It is `sum(a b)/sum(a^2)` over the points
       of the grid, with the output a of the earlier model and the output b of the later model.
-      `weight`: the weight of this factor in the mean over all curves, which is `sum(a^2)`.
+      `weight`: the weight of this factor in the mean over all curves, which is proportional to
+      `sum(a^2)`.
     - `difference`, `rms`: mean and root mean square of `b - a`, in the unit of the output.
     - `largest`, `place`: the value of `b - a` with the largest magnitude, and the point of the grid
       there.

@@ -47,10 +47,10 @@ def residual_tests(
 ) -> tuple[ResidualTest, ...]:
     """Return the autocorrelation of the residuals, and a test of the residuals with each input.
     Only the samples by which a model is judged (`metrics.judged`) are tested. The result is empty
-    if there are fewer than `FEWEST` samples, or if all residuals are equal. `predicted` holds the
-    predictions of each curve. With `order_by`, samples are in the order of that quantity, and the
-    mean residual is tested in parts of each input's range. Without `order_by`, samples are in the
-    order of time, and the residuals are correlated with each input.
+    if no sequence of samples (see `_pieces`) has at least `FEWEST` samples, or if all residuals are
+    equal. `predicted` holds the predictions of each curve. With `order_by`, samples are in the
+    order of that quantity, and the mean residual is tested in parts of each input's range. Without
+    `order_by`, samples are in the order of time, and the residuals are correlated with each input.
     """
     residuals: list[Array] = []
     columns: dict[str, list[Array]] = {quantity.name: [] for quantity in model.inputs}

@@ -81,10 +81,10 @@ that diverged.
 """
 
 WITHIN = (0.02, 0.18)
-"""Limits of one standard error of the mean difference of logarithms: errors may differ by 2 % at
-least, and by a fifth at most. The lower limit is needed because new data differ by more than that,
-even if all folds agree. The upper limit is needed because one standard error can be very large with
-few folds.
+"""Smallest and largest value that is used as one standard error of the mean difference of
+logarithms. They are the logarithms of ratios of 1.02 and 1.2. The lower limit is needed because new
+data differ by more than that, even if all folds agree. The upper limit is needed because one
+standard error can be very large with few folds.
 """
 
 PRICE = 0.05

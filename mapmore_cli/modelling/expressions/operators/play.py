@@ -9,7 +9,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.modelling.expressions.operator import Operator, Parameter, Recursion, Setting
 
-# largest half-width, as a fraction of the range of x; with a larger one, play moves only once
+# largest half-width, as a fraction of the range of x; with a larger one, play cannot move back
 WIDEST = 0.5
 
 WIDTHS = Parameter("widths", "1", "0.1", below=1.0, between=lambda _step, _longest: (1e-3, WIDEST))
@@ -55,8 +55,8 @@ def play(x: Array, width: float) -> Array:
 
 def spread_widths(count: int, _step: float = 0.0, _longest: float = 0.0) -> tuple[float, ...]:
     """Return `count` evenly spaced half-widths, as fractions of the training range. All are below
-    one half, because with a larger half-width, the output of play would be constant after its first
-    move.
+    one half. With a larger half-width, the output of play could move in one direction, but never
+    back, so that it would have no hysteresis.
     """
     return tuple(round(WIDEST * (i + 1) / (count + 1), 4) for i in range(count))
 

@@ -36,7 +36,8 @@ from mapmore_cli.modelling.literature import hinge
 from mapmore_cli.modelling.literature.formula import Formula, with_numbers
 from mapmore_cli.modelling.literature.formulas.sarosi import DECAY, sarosi
 
-# an RMSE below this fraction of max|F| hardly increases the weight of the hinged or plain part
+# If the training RMSE of the hinged or plain part is below this fraction of max|F|, an even smaller
+# RMSE hardly increases the weight of this part.
 GOOD_ENOUGH = 0.01
 
 PLAIN = sarosi("s", (*DECAY, (1e-3, 50.0)))  # the exponent s3 may be negative or positive

@@ -177,6 +177,7 @@ strain as a fraction). In `kerscher`, a_e and b_e are the parameters of the pape
 the area pi D^2/4, because the data cannot separate the area from this factor. The fitted area
 therefore needs no parameter of its own, and the formula has as many parameters as in the paper W.
 With the pressure in kPa and the force in N, the unit of a_e and b_e is 1e-3 m^2. The pressure must
-be in kPa, because the factor on the strain is computed from the number of kPa.""",
+be in kPa, because the factor on the strain (equation 10 of the paper W) contains the pressure in
+bar, which is computed here as the number of kPa divided by 100.""",
     ),
 )
