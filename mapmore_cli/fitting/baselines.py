@@ -29,7 +29,8 @@ def predictions(name: str, dataset: Dataset, model: Model) -> list[Array]:
     every curve, (n_c,) each.
 
     - `name`: one of `LEARNERS`.
-    - `model`: the run's own model. The black box gets the same inputs.
+    - `model`: the run's own model. The inputs of the black box are the inputs of this model without
+      the target. If the model has memory, the inputs are also delayed by `DELAYS` samples.
     """
     names = [name for name in model.input_names if name != dataset.target]
     delays = DELAYS if runs_over_time(model) else (0,)

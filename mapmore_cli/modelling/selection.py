@@ -19,7 +19,8 @@ from mapmore_cli.domain.declared import (
 )
 from mapmore_cli.modelling.frols.weighing import LOSSES
 
-# A setting with this value, for example `backbone: auto`, is chosen by cross-validation.
+# The structure of a model (`model.type`), the backbone and the ridge are chosen by cross-validation
+# if their setting has this value.
 AUTO = "auto"
 # smallest ridge except zero; a smaller ridge is lost in the rounding errors of the Gram matrix
 LEAST_RIDGE = 1e-9

@@ -133,8 +133,8 @@ class Along:
 
 
 def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:
-    """Raise AtSample if most time steps of a recording are longer than the time step of the model.
-    A few longer steps are allowed: each of them is a gap, at which the memory restarts.
+    """Raise AtSample if most time steps of a recording are longer than the time step of the model,
+    because each of them would be a gap, at which the memory restarts. A few such gaps are allowed.
     """
     neighbours = np.flatnonzero(np.diff(rows) == 1)
     longest = step * (1 + UNEVEN)

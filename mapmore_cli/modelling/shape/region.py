@@ -101,7 +101,7 @@ class Region:
             try:
                 net = Delaunay(places)
                 faces = ConvexHull(places).equations
-                # `find_simplex` is slow for places outside the hull, which are left out here.
+                # Places outside the hull are left out: `find_simplex` would search all simplices.
                 near = (asked @ faces[:, :-1].T + faces[:, -1]).max(axis=1) < OUTSIDE_TOLERANCE
                 simplex[near] = net.find_simplex(asked[near])
             except QhullError:  # no simplex exists if all samples lie on a line

@@ -35,7 +35,8 @@ from mapmore_cli.modelling.validation.intervals import NORMAL
 from mapmore_cli.modelling.validation.metrics import judged
 
 LAGS = 25  # longest lag in samples; in short records, a shorter one is used
-# The mean residual is tested in this number of parts of the range of an input.
+# The mean residual is tested in this number of parts of the range of an input. All parts have the
+# same number of samples.
 PARTS = 10
 
 
