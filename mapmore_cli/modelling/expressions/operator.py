@@ -166,7 +166,8 @@ class Operator:
     """An operator with memory.
 
     - `name`: name in a state, for example `slow` in `slow(pressure, 0.3)`.
-    - `summary`: explanation of the operator for the author of a spec.
+    - `summary`: explanation for the author of a spec. The summary of the first operator of a family
+      explains the whole family.
     - `recursion`: function that returns the rule from one sample to the next.
     - `parameters`: its parameters, in the order of the numbers in the name of a state.
     - `needs`: what training must determine: the `range` of the source, if widths are fractions of

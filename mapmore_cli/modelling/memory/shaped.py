@@ -3,7 +3,8 @@
 If the inputs are constant for a long time, the states of all operators become constant. If the
 model has no delayed outputs, its output at rest is linear in the coefficients. The coefficients are
 then fitted with the sign as a constraint, by the same method as for a static model
-(`shape.exchange`). For a model with delayed outputs, the sign is only checked.
+(`shape.exchange`). The sign is only checked if the model has delayed outputs, estimated parameters
+of operators, or a ridge.
 """
 
 from __future__ import annotations
