@@ -84,9 +84,10 @@ def _is_at_rest(done: Experiment) -> bool:
 
 
 def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: Held) -> Draft:
-    """Return the draft for a static study. If the pressure was changed in steps, only samples at
-    which it has settled are kept. If the swept quantity moves up and down at every level, each loop
-    is split into its two branches.
+    """Return the draft for a static study. If the swept quantity is the pressure and was changed in
+    steps, only samples at which it has settled are kept. Otherwise, if there are more than two
+    levels and the swept quantity moves up and down at every level, each loop is split into its two
+    branches.
     """
     is_timed = held.swept == "pressure" and "time" in recordings[0].columns
     settled = settling(recordings) if is_timed else None
