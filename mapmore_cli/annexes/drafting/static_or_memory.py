@@ -24,7 +24,8 @@ FEWEST = 200
 MOST = 6_000
 # number of samples that a recording of median length must keep if time steps are made longer
 LEAST = 100
-# recordings are single points if they vary less than this fraction of the differences between them
+# largest standard deviation of the target within a recording that is treated as a single point, as
+# a fraction of the standard deviation between recordings
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 

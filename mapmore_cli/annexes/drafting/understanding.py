@@ -25,8 +25,8 @@ from mapmore_cli.study.units import can_convert
 
 FEWEST_SET_POINTS, SAME_SET_POINT = 3, 0.999
 """Numbers in the names of files are treated as the set points of what a column measures if there
-are at least `FEWEST_SET_POINTS` different numbers, because any two numbers are correlated, and if
-their correlation with the means of the column is larger than `SAME_SET_POINT`.
+are at least `FEWEST_SET_POINTS` different numbers (two numbers are perfectly correlated with any
+two means), and if their correlation with the means of the column is larger than `SAME_SET_POINT`.
 """
 
 
