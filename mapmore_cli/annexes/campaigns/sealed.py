@@ -2,9 +2,9 @@
 means to find out which of its stages are outdated, which takes a while.
 
 A seal is a file in the folder of a run. It records the spec, the data and the options of the run,
-and the sizes and times of its files. If all of them are unchanged, the stored result is used. A
-seal does not notice a change that keeps the size and the time of a file; `--rehash` reads the files
-again. Runs with a searched structure, and runs that need other runs, have no seal.
+and the sizes and times of its files. If all of them are unchanged, the stored result is used. Like
+a plan, a seal does not notice a change that keeps the size and the time of a file; `--rehash` reads
+the files again. Runs with a searched structure, and runs that need other runs, have no seal.
 """
 
 from __future__ import annotations

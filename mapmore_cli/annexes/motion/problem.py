@@ -113,7 +113,7 @@ class MotionSettings(Settings):
 @dataclass(frozen=True, kw_only=True)
 class MotionRecipe(MotionSettings):
     """Settings of one fit, in which `input` is never None. The name of the `output` and the time
-    `step` between samples, s, are taken from the recordings.
+    `step` between samples, s, are taken from the dataset.
     """
 
     input: str
