@@ -76,7 +76,8 @@ def _verdict(before: str, after: str, comparison: Comparison) -> str:
     """Return a sentence that says that the model has changed, that it has not changed, or that the
     data cannot show a change. The sentence contains the ratio of the outputs with its 95 %
     interval. If the model has changed, the sentence also says at which inputs the change is
-    largest.
+    largest. If both models were made from the same recordings, the sentence only says that a
+    difference comes from the settings.
     """
     low, high = comparison.interval
     margin = f"{100 * comparison.margin:g} %"

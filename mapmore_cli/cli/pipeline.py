@@ -160,8 +160,8 @@ PrintSpec = Annotated[
 
 
 def _with_figures(overrides: list[str], figures: str | None) -> list[str]:
-    """Return the overrides of the spec. If the option --figures is given, also set the keys
-    `report.figures` and `report.formats` accordingly.
+    """Return the overrides of the spec. If the option --figures is given, also set the key
+    `report.figures` and, if any figures are requested, the key `report.formats`.
     """
     from mapmore_cli.reporting.order import FIGURES
 

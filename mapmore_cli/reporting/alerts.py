@@ -19,7 +19,7 @@ from mapmore_cli.reporting.table import title_of
 
 FEW_CURVES = 3
 """Smallest number of held-out curves without an alert. With fewer curves, their error says little
-about the error on other curves, and its standard error cannot be computed.
+about the error on other curves, and no standard error is computed from them.
 """
 
 
@@ -143,7 +143,8 @@ def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, s
 
     Yield another alert that names the competitors that are nearly as good. For each curve, the RMSE
     of the own model is subtracted from the RMSE of the competitor; the mean of these differences is
-    at most one standard error of the mean.
+    at most one standard error of the mean. A competitor is named only if it has an error on at
+    least `FEW_CURVES` curves.
     """
     compared = [s for s in deciding(scores) if math.isfinite(s.rmse) and s.model != REPEATABILITY]
     ours = next((score for score in compared if score.model == OWN), None)

@@ -58,8 +58,9 @@ class Explored:
 
 
 def explored(every: Sequence[ReportInputs]) -> Explored | None:
-    """Return the section "Explore" for the outputs of a run. Return None if no model can be written
-    as JavaScript, or if the part of mapmore that exports models is not installed.
+    """Return the section "Explore" for the outputs of a run. Return None if each model has too many
+    segments or cannot be written as JavaScript, or if the part of mapmore that exports models is
+    not installed.
     """
     try:
         plugins.load("python", "export")

@@ -29,8 +29,8 @@ BEYOND = 0.15
 """Fraction of the training range of an input by which its slider goes beyond each end."""
 
 NEAR = 0.06
-"""A page shows a sample if each of its other inputs differs from the value of the slider by at most
-this fraction of the training range of the input.
+"""A page draws samples over one input. It shows a sample if each of the other inputs differs from
+the value of its slider by at most this fraction of the training range of the input.
 """
 
 PER_PERIOD, REST, MOST_RESTING = 500, 30.0, 20_000
@@ -189,9 +189,10 @@ def middle_of(rows: IntArray, places: Array) -> int:
 
 
 def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
-    """Return the beginning of a recording, linearly interpolated to the time steps of the model,
-    and a sentence about the initial values of the simulation. The recording is a held-out one if
-    there is one.
+    """Return a part of a curve, linearly interpolated to the time steps of the model, and a
+    sentence about the initial values of the simulation. The part begins at the first held-out
+    sample of the first curve that has held-out samples. If nothing is held out, it is the beginning
+    of the first curve.
     """
     model, output = inputs.model, inputs.model.output.name
     curve = next((one for one in curves if one.held_out.any()), curves[0])

@@ -10,8 +10,8 @@ from mapmore_cli.reporting.table import Cells, Table
 
 def states_table(states: StateSet) -> Table:
     """Return a table of the numbers that training determined for the states: frequency and damping
-    of oscillators, training ranges of the inputs of operators, and limits to which states are
-    scaled.
+    of oscillators, training ranges of the inputs of operators, and the range of each state that is
+    scaled to [0, 1].
     """
     rows: list[Cells] = []
     for name, (hertz, damping) in states.resonances.items():

@@ -17,8 +17,8 @@ ROUNDING = 1e-10
 would leave no space for the others.
 """
 MOST_RUNS = 100
-"""Largest number of runs in the figure of a campaign. If there are more, evenly spaced runs are
-drawn.
+"""Largest number of evenly spaced runs that the figure of a campaign shows. If there are more runs,
+the others are left out, except for the run with the smallest error.
 """
 
 BEST_OTHER = "best of the others"
@@ -31,11 +31,13 @@ FLOOR: dict[str, Any] = {
 
 
 def campaign_figures(scores: CampaignScores) -> list[Drawing]:
-    """Return a list with the figure of the errors, or an empty list if there is a single run or no
-    error is known. In the figure, each run is a line of dots along a logarithmic axis. The dots are
-    the errors of the run's own model, of the model `relative_to`, of the best of the other models,
-    and of repeated measurements. If there are very many runs, only some are drawn, including the
-    run with the smallest error.
+    """Return a list with the figure of the errors, or an empty list if fewer than two runs have
+    scores, or if no error of a model is known.
+
+    In the figure, each run is a line of dots along a logarithmic axis. The dots are the errors of
+    the run's own model, of the model `relative_to`, of the best of the other models, and of
+    repeated measurements. If there are very many runs, only some are drawn, including the run with
+    the smallest error.
     """
     pooled = scores.pooled
     every = [*pooled]

@@ -2,9 +2,9 @@
 means to find out which of its stages are outdated, which takes a while.
 
 A seal is a file in the folder of a run. It records the spec, the data and the options of the run,
-and the sizes and times of its files. If all of them are unchanged, the stored result is used. A
-seal does not notice a change that keeps the size and the time of a file; `--rehash` reads the files
-again. Runs with a searched structure, and runs that need other runs, have no seal.
+and the sizes and times of its files. If all of them are unchanged, the stored result is used. Like
+a plan, a seal does not notice a change that keeps the size and the time of a file; `--rehash` reads
+the files again. Runs with a searched structure, and runs that need other runs, have no seal.
 """
 
 from __future__ import annotations
@@ -53,8 +53,9 @@ _ALERTS = TypeAdapter(tuple[Alert, ...])
 
 
 def known_by_seal(job: Job, name: str) -> Finished | None:
-    """Return the stored result of the run with this name. Return None if the run has no seal, or if
-    the seal shows that the spec, the data or the options have changed since.
+    """Return the stored result of the run with this name. Return None if the run has no seal, if
+    the seal shows that something has changed since (the spec, the data, the options, the program or
+    the files of the run), or if the options `force` or `rehash` are set.
     """
     started, run_dir = time.perf_counter(), job.runs / name
     sealed = None if job.options.force or job.options.rehash else read_seal(run_dir)
@@ -122,8 +123,8 @@ def _can_be_sealed(loaded: LoadedSpec) -> bool:
 def _sealed(
     job: Job, loaded: LoadedSpec, finished: Finished, texts: dict[str, str]
 ) -> Sealed | None:
-    """Return the seal of a run that is up to date; None if a file differs from the record of the
-    run.
+    """Return the seal of a run that is up to date. Return None if a file differs from the record of
+    the run, or if a recording that the spec names now was not read by the run.
     """
     run_dir, spec = finished.run_dir, loaded.spec
     folder = os.path.relpath(loaded.folder, run_dir)
@@ -169,9 +170,9 @@ def _named_by(patterns: list[str], folder: Path) -> list[str]:
 
 
 def _question(job: Job, run_dir: Path) -> object:
-    """Return everything that was asked of a run, as JSON values: the stage until which it runs, the
-    paths of its spec and its campaign, its overrides, the variables, and the version of the
-    program.
+    """Return everything that was asked of a run, as JSON values: the stage until which it runs,
+    whether errors that the rules of `check` find stop it, the paths of its spec and its campaign,
+    its overrides, the variables, and the version of the program.
     """
     campaign = job.options.campaign
     return [

@@ -135,8 +135,9 @@ def nrmse_table(scores: CampaignScores) -> Table:
 
 
 def models_table(scores: CampaignScores) -> Table:
-    """Return the table of the NRMSE on held-out data, with a row for every model of every run.
-    Within a run, its own model comes first; the others follow in the order of increasing error.
+    """Return the table of the NRMSE on held-out data, with a row for every model of every run. For
+    a run without held-out data, the rows show the NRMSE on training data. Within a run, its own
+    model comes first; the others follow in the order of increasing error.
     """
 
     def place(score: Score) -> tuple[bool, bool, float]:

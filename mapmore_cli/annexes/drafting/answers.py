@@ -134,7 +134,7 @@ def read_group(text: str) -> str | None:
 
 def read_positive(option: str, unit: str, example: str, text: str) -> float:
     """Read a quantity from a text such as `10ms`, and return its value in `unit`. Raises UsageError
-    if the text is no quantity, or if the value is not larger than zero.
+    if the text is no quantity, or if the value is infinite or not larger than zero.
     """
     remedy = f"write it as {example}"
     try:
@@ -194,8 +194,10 @@ def read_hold(text: str) -> Hold:
 
 def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
     """Read an entry `name=column:unit`, and return its name and its column. If the entry gives no
-    column, the address of the column is an empty text. Raises UsageError for an unknown unit. Also
-    raises UsageError if the name must be that of a quantity, and is not valid as such.
+    column, the address of the column is an empty text.
+
+    Raises UsageError for a unit that is unknown or does not suit the quantity. Also raises
+    UsageError if the name must be that of a quantity, and is not valid as such.
     """
     parts = _ENTRY.fullmatch(entry)
     written, unit = (entry, "") if parts is None else parts.groups()

@@ -42,8 +42,11 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
 
 def _each(said: Named, table: Table, option: str) -> Named:
     """Return the columns named by a person. A pattern of titles such as `s*`, and a range of
-    numbers in the list such as `7..70`, are replaced by all columns that they match, except for the
-    time.
+    numbers in the list such as `7..70`, are replaced by all columns that they match and whose
+    values change. The time is never among these columns.
+
+    Raises UsageError if a pattern or a range matches no such column, or if it matches several
+    columns and the person gives them one common name.
     """
     each: Named = {}
     titles = {one.column for one in table.values()} | {one.title for one in table.values()}

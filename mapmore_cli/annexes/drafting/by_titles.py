@@ -35,9 +35,9 @@ def known_by_titles(table: Table) -> Known:
     reason for each column that is left out.
 
     If several titles identify the same quantity, only the column with the plainest title gets the
-    name of the quantity; the names of the others are made from their titles. A copy of another
-    column, a computed column, and a column that increases like a clock but is not the time are left
-    out.
+    name of the quantity; the names of the others are made from their titles. A linear function of
+    another column, a column that was computed as its title says, and a column that increases like a
+    clock but is not the time are left out.
     """
     columns: Named = {}
     clocks = (one for one in table.values() if one.is_time and one.rises and not one.turn)
@@ -86,8 +86,10 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
 
 
 def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
-    """Return the columns that are copies of another column, with the reason. Among equal columns,
-    the column whose title and unit give the most information is no copy.
+    """Return the columns that are copies of another column, with the reason. A copy is a linear
+    function of the other column, so that it may have another unit. Among such columns, the column
+    whose title and unit give the most information is no copy, and neither is a column whose title
+    names another kind of quantity.
     """
     copies: dict[Column, str] = {}
     for family in same_signals([np.concatenate(one.values) for one in columns]):
@@ -139,7 +141,8 @@ def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:
 
     - If there is a force, it must be the only force, and an input or a position must be known.
     - If there is no force, the quantity is the only position, if an input is known.
-    - If there is neither, it is the only column of unknown kind, if all other columns are inputs.
+    - If there is neither, it is the only column of unknown kind, if all other columns are inputs,
+      and if there is at least one such column.
 
     None is returned if a title is ambiguous, or if a column of unknown kind stands beside a force
     or a position. `kinds` holds the results of `kind_to_predict`, by name; `is_driven` is True if

@@ -61,8 +61,8 @@ def find_held(
     hold: Hold | None,
     conditions: Conditions,
 ) -> Held | None:
-    """Return the quantity that was held constant while another input moved. Return None if nothing
-    was held constant, or if there is only a single level.
+    """Return the quantity that was held constant while another input moved. Return None if there is
+    no such quantity, if several inputs have levels, or if there is only a single level.
 
     If a person names the quantity, this quantity is used. Otherwise, it must be the only input with
     levels:
@@ -70,8 +70,9 @@ def find_held(
     - An input has levels if it stays near one value in each recording, for example because its
       values are in names of files.
     - If no input has such levels, and the study is a table without a clock, an input has levels if
-      it takes a few values repeatedly, each with enough samples for a curve.
+      it takes a few values repeatedly.
 
+    In a table without a clock, the levels must also have enough samples for a curve on average.
     `conditions` are the values in names of files, which are also columns of the recordings.
 
     Raises

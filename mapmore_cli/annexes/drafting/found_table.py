@@ -139,12 +139,14 @@ class FoundTable:
 
     def header_lines(self) -> dict[int, list[str]]:
         """Return the lines above the numbers that may be titles or units, by their index. Such a
-        line is as wide as the table, and has no filled cell beyond the last column.
+        line has a cell above the last column with values, and no filled cell beyond the last column
+        of the table.
 
         Lines are examined from the numbers upwards until one does not fit:
 
         - Blank lines are skipped as long as no line of titles was found.
-        - A cell that contains only the beginning of a remark, for example `#`, is treated as empty.
+        - If a line has one cell more than the table, and its first cell contains only the beginning
+          of a remark, for example `#`, this cell is removed.
         - A line with numbers does not fit, unless its cell above an empty column says what the
           numbers are, for example `Count:`.
         - A line that does not fit, but begins like a remark, is skipped.

@@ -70,8 +70,9 @@ def inner(levels: Sequence[float]) -> list[float]:
 def _last_or_between(done: Experiment, is_free: bool) -> tuple[Section, str]:
     """Return the last samples of every recording, or other samples instead, and the reason.
 
-    The last samples are returned if a person asked for them (`is_free` is False), or if they lie
-    inside the range of the earlier samples. Otherwise, inner values of a quantity that moves
+    The last samples are returned if `is_free` is False, because a person asked for them or the
+    study has memory. They are also returned if most of them lie inside the range of the earlier
+    samples. Otherwise, inner values of a quantity that moves
     steadily are returned. If no quantity has enough values for that, samples are drawn at random.
     """
     names = _beyond(done)
@@ -126,7 +127,8 @@ def _beyond(done: Experiment) -> list[str]:
 
 def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Section:
     """Return the band of an input that contains the middle fifth of its samples. The result is
-    empty if the band has no width, or if the values of the input are in names of files.
+    empty if the band has no width, or if the input has levels or values in the names of files
+    (`values`).
     """
     if name in values:
         return {}

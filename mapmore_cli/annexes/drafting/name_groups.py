@@ -48,9 +48,9 @@ def group_words(names: Sequence[str], group: str) -> list[str]:
 
 
 def _without_number(match: re.Match[str]) -> str:
-    """Return the text by which a number in a name, with its word and its unit, is replaced: an
-    empty text if the number counts repeated tests, or the word if the number has a unit. Numbers of
-    specimens, and sizes such as `10cm`, stay unchanged.
+    """Return the text by which a number in a name, with its word and its unit, is replaced. It is
+    the word if the number has a unit, and an empty text if the number has neither a unit nor a
+    word, or counts repeated tests. Numbers of specimens, and sizes such as `10cm`, stay unchanged.
     """
     word, unit = match["word"] or "", (match["unit"] or "").casefold()
     if unit:

@@ -208,8 +208,9 @@ class _Proposal:
 def _with_sessions(draft: Draft, apart: Unequal | None, group: str | None) -> Draft:
     """Return the draft with what follows from `apart`: two recordings that have equal inputs, but
     unequal outputs. If a person named the groups (`group`), settings for the groups are added to
-    the draft. Otherwise, a note asks whether the recordings belong to different sessions. If there
-    are no such recordings, the draft is unchanged.
+    the draft. Otherwise, a note asks whether the recordings belong to different sessions. The draft
+    is unchanged if there are no such recordings, or if a person named the groups and neither a gain
+    nor an offset explains the difference.
     """
     if apart is None or (group is not None and not apart.effects):
         return draft

@@ -38,7 +38,8 @@ from mapmore_cli.study.units import default_unit
 
 MOST_FILES = 5  # largest number of files from which the columns are found
 MOST_SHOWN = 12  # largest number of columns that are named in one line
-# largest number of different words in a column that may stand for missing numbers
+# largest number of different words that may stand for missing numbers; a column that holds more
+# different words is a column of words
 MOST_WORDS = 3
 
 T = TypeVar("T")

@@ -24,7 +24,8 @@ FEWEST = 200
 MOST = 6_000
 # number of samples that a recording of median length must keep if time steps are made longer
 LEAST = 100
-# recordings are single points if they vary less than this fraction of the differences between them
+# largest standard deviation of the target within a recording that is treated as a single point, as
+# a fraction of the standard deviation between recordings
 MUCH_LESS = 0.1
 COMPETITORS = ("sarosi", "polynomial_2", "polynomial_5", "muscle_like", "polynomial_3")
 
@@ -84,9 +85,10 @@ def _is_at_rest(done: Experiment) -> bool:
 
 
 def _with_static_samples(draft: Draft, recordings: Sequence[Recording], held: Held) -> Draft:
-    """Return the draft for a static study. If the pressure was changed in steps, only samples at
-    which it has settled are kept. If the swept quantity moves up and down at every level, each loop
-    is split into its two branches.
+    """Return the draft for a static study. If the swept quantity is the pressure and was changed in
+    steps, only samples at which it has settled are kept. Otherwise, if there are more than two
+    levels and the swept quantity moves up and down at every level, each loop is split into its two
+    branches.
     """
     is_timed = held.swept == "pressure" and "time" in recordings[0].columns
     settled = settling(recordings) if is_timed else None

@@ -246,8 +246,8 @@ def _identities(layout: Layout) -> dict[Column, Identity]:
 
 def _joined(layouts: Mapping[Path, Layout]) -> list[Study]:
     """Return a study for each layout, with its files. Layouts that differ only in the units in
-    their titles, or in the order of the columns, form one study. Its `layout` is that of most of
-    its files.
+    their titles, or in the order of the columns, form one study. Its `layout` is the one that the
+    largest number of its files have.
     """
     alike: dict[str, list[Path]] = {}
     for file, layout in layouts.items():

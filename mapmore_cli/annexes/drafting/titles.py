@@ -19,9 +19,9 @@ _SHARE = re.compile(r"(?<!\d)(?<!\d )%")
 
 
 def units_in(title: str) -> list[str]:
-    """Return the texts in a title that may be units: those in brackets, a unit with a stroke such
-    as `mm/s`, the last word after a separator, for example `deg` in `angle_deg`, and a per cent
-    sign.
+    """Return the texts in a title that may be units: those in brackets; at the end of the title, a
+    unit with a stroke such as `mm/s`, otherwise the last word after a separator, for example `deg`
+    in `angle_deg`; and a per cent sign that follows no number.
     """
     title = spell_pressures(title.translate(HALF_WIDTH))
     last = _RATIO if _RATIO.search(title) else _BEHIND

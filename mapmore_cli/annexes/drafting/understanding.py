@@ -24,8 +24,9 @@ from mapmore_cli.modelling.signals.sampling import correlation
 from mapmore_cli.study.units import can_convert
 
 FEWEST_SET_POINTS, SAME_SET_POINT = 3, 0.999
-"""Fewest different numbers in names of files, and their correlation with the means of a column from
-which on they are the set points of what the column measures: any two numbers are correlated.
+"""Numbers in the names of files are treated as the set points of what a column measures if there
+are at least `FEWEST_SET_POINTS` different numbers (two numbers are perfectly correlated with any
+two means), and if their correlation with the means of the column is larger than `SAME_SET_POINT`.
 """
 
 
@@ -146,8 +147,8 @@ def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str
 
 
 def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
-    """Yield the columns that a person names, except the columns of quantities whose values are in
-    names of files.
+    """Yield the columns that a person names. A quantity whose values are in names of files has no
+    column, and is left out.
     """
     for column in named.values():
         with suppress(UsageError):
@@ -160,7 +161,8 @@ def _conditions_of(
     """Return the quantities whose values stand in names of files, the names of the columns that
     measure such quantities, and a remark about the numbers in names that are not used. If a person
     names the inputs, a number without a unit is used only if the person names it. If a person does
-    not, no number is used that a column measures.
+    not name the inputs, a number that a column measures is used only if the person names it as the
+    quantity that was held constant.
     """
     wanted = answers.inputs or {}
     renamed = [name for name, column in wanted.items() if not column.refers_to(name)]

@@ -47,9 +47,9 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
 
 def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Draft, str]:
     """Return the draft with a strain that is computed from the column of a length or a
-    displacement, and the name of this column. `length` is the length of the muscle, in m. If a
-    column holds the strain already, or if there is no length and no displacement, only the length
-    of the muscle is added to the draft, and the name is empty.
+    displacement, and the name of this column. `length` is the length of the muscle, in m. If the
+    strain is known already, or if there is no length and no displacement, only the length of the
+    muscle is added to the draft, and the name is empty.
 
     The strain is positive in contraction: a displacement gets a minus sign if its value with the
     largest magnitude is negative. `conditions` are the values in names of files.

@@ -167,7 +167,7 @@ def name_of_output(model: Model, names: Iterable[str] | None = None) -> Code:
 
 def notes_of(model: Model, names: Mapping[str, str]) -> list[str]:
     """Return notes for the head of an exported file: a line for each input whose name in code
-    differs from its name in the model, and lines for the shape conditions that the model fulfils,
+    differs from its name in the model, and a line with the shape conditions that the model fulfils,
     for example that the output increases with an input.
     """
     renamed = [

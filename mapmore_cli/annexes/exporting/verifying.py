@@ -198,7 +198,7 @@ def _verify(model: Model, command: Sequence[str], folder: Path, close: float = C
 
 def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> Array:
     """Return the numbers that a program prints. The program runs in a separate process. Raises
-    MapmoreError if it fails.
+    MapmoreError if it fails, and CompilerMissing if it cannot be started.
     """
     try:
         done = subprocess.run(

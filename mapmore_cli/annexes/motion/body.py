@@ -80,8 +80,8 @@ class Motion:
 
     With `hard` switching, every section is simulated with the whole input, and the output of the
     active section is used. With `carried` switching, a section that becomes active continues from
-    the state of the section before it. With `bumpless` switching, neighbouring sections also have
-    equal steady outputs at their boundary.
+    the state of the section before it. With `bumpless` switching, sections continue in the same
+    way, and neighbouring sections also have equal steady outputs at their boundary.
 
     The direction of the input matters if `directed` is True. With bumpless switching, the direction
     changes when the input has turned back by more than `dead_band`. With hard or carried switching,

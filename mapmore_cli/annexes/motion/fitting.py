@@ -196,7 +196,7 @@ def _knots(motion: Motion) -> tuple[Array, int]:
 def _heights_of(motion: Motion, run: Piece) -> Array:
     """Return one input signal (drive) for each height of the steady output, (n, knots x lines).
 
-    The steady output of a section is a piecewise linear function of the input, given by its heights
+    The steady output of the model is a piecewise linear function of the input, given by its heights
     at the knots. Each drive is the steady output that has the height one at its own knot and zero
     at all other knots. Outside the outer knots, it continues as a straight line. With a load, these
     drives are followed by the same drives multiplied by the load.

@@ -48,7 +48,7 @@ class Bounds(Settings):
     p3: Pair | None = None
 
     def __post_init__(self) -> None:
-        """Refuse bounds whose lower end is above the upper end."""
+        """Refuse bounds whose lower end is not below the upper end."""
         for name in ("p1", "p2", "p3"):
             ends = getattr(self, name)
             if ends is not None and ends[0] >= ends[1]:
@@ -113,7 +113,7 @@ class MotionSettings(Settings):
 @dataclass(frozen=True, kw_only=True)
 class MotionRecipe(MotionSettings):
     """Settings of one fit, in which `input` is never None. The name of the `output` and the time
-    `step` between samples, s, are taken from the recordings.
+    `step` between samples, s, are taken from the dataset.
     """
 
     input: str
@@ -164,7 +164,8 @@ class Piece:
 
 class Found(NamedTuple):
     """Parameters of one section, their RMSE, the number of simulations, and the smallest RMSE after
-    each iteration.
+    each step of the search: an evaluation of the error by the solver `least_squares`, or the start
+    and each iteration of `swarm`.
     """
 
     p1: float
@@ -236,7 +237,8 @@ class Problem:
 
     def found(self, p1: float, p2: float, history: Sequence[float] | Array) -> Found:
         """Return the result of a search that ended at P1 and P2, with the weights that minimise the
-        error for them. `history` holds the error after each iteration.
+        error for them. `history` holds the errors that the search computed, in their order; the
+        result contains the smallest error up to each of them.
         """
         weights, residuals = self.projected(p1, p2)
         rmse, lowest = root_mean_square(residuals), np.minimum.accumulate(history)

@@ -219,8 +219,9 @@ class MotionErrors(NamedTuple):
 
 
 def last_wavelength(u: Array) -> int:
-    """Return the wavelength of a periodic input, (n,), as a number of samples: the shortest length
-    for which the last two stretches of this length are equal. Return n if there is none.
+    """Return the wavelength of a periodic input, (n,), as a number of samples: the shortest length,
+    from four samples on, for which the last two stretches of this length are equal and the input
+    moves within them. Return n if there is none.
     """
     tolerance = REPEATS * float(np.ptp(u))
     for length in range(4, len(u) // 2 + 1):

@@ -24,7 +24,8 @@ from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
 from mapmore_cli.modelling.validation.intervals import NORMAL
 
-# weight of points with a small |target|, and the fraction of the largest |target| that is small
+# weight of points whose expected |target| is small, that is, below the fraction `LITTLE` of the
+# largest |target|
 SLACK, LITTLE = (
     0.15,
     0.02,

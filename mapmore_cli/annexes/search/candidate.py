@@ -16,9 +16,9 @@ from mapmore_cli.domain.results import Tried
 from mapmore_cli.modelling import literature
 
 MOST_PARAMETERS = 28
-"""Largest number of parameters of a structure that a search may choose for a table. A cubic
-polynomial of all inputs may always be chosen, even if it has more. Larger structures are only
-shown. In a later round, one parameter for every `SHARE` samples is allowed.
+"""Largest number of parameters of a structure that a search may choose for a table. If a cubic
+polynomial of all inputs has more parameters, its number is used instead. Larger structures are only
+shown. In a later round, one parameter for every `SHARE` samples is allowed, if this is more.
 """
 
 SHARE = 40
@@ -182,8 +182,8 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
 
     If an item of a list is replaced by several values, all of them become items of the list.
     `{every: TEXT, WORD: values, ...}` is replaced by a list that contains TEXT once for each of the
-    values of WORD. A key whose value is an empty list is left out. A mapping whose key `of` is an
-    empty list is left out as a whole.
+    values of WORD. A key whose value is an empty list or an empty mapping is left out. A mapping
+    whose key `of` is an empty list is left out as a whole.
     """
     match part:
         case str():

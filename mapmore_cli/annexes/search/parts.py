@@ -216,7 +216,8 @@ def _beyond(
 ) -> tuple[list[BoolArray], BoolArray]:
     """Return folds, (n,), that leave out an end of the range of an input, and a mask of the samples
     of the study beyond these ends, (m,). An end is left out if the study holds out samples beyond
-    it; the fold is as wide as the part that the study holds out there.
+    it; the fold is as wide as the part that the study holds out there, but at most the fraction
+    `WIDEST` of the range.
 
     First, the range is that of all training samples together. If too few held-out samples lie
     outside it, each curve has its own range. No fold is returned if too few lie outside these

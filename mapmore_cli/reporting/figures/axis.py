@@ -26,7 +26,7 @@ class Axis:
 
     - `margin`: fraction of the range of the data that is added at each end of the axis.
     - `low`, `high`, `least`: smallest, largest, and smallest positive value of the data. A
-      logarithmic axis begins at `least`.
+      logarithmic axis reaches from `least` to `high`, with the margins.
     - `limits`: ends of the axis if they do not follow from the data.
     - `subs`: multiples of the powers of ten that a logarithmic axis labels.
     - `most`: largest number of steps between ticks.

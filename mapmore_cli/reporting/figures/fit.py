@@ -3,7 +3,8 @@ time; models with memory are also drawn as loops. Everything else is drawn over 
 varies within a curve.
 
 Curves are drawn with the predictions above and the errors below, as in figures 9, 10, 12, 13 and 15
-of Veale, Xie and Anderson 2018. All training curves of a static model are drawn in one panel.
+of Veale, Xie and Anderson 2018. The training curves of a static model are drawn together in one
+panel.
 """
 
 from __future__ import annotations

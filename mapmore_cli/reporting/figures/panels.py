@@ -268,9 +268,9 @@ def _alike(parts: Sequence[Sequence[str]]) -> int:
 
 
 def titles(names: Sequence[str], length: int) -> list[str]:
-    """Return the names as titles with lines of at most `length` letters. A title has two lines, or
-    three if it cannot be broken well. Longer names are shortened so that different names stay
-    different.
+    """Return the names as titles with lines of at most `length` letters. A title has at most two
+    lines, or three if it cannot be broken well. Longer names are shortened so that different names
+    stay different.
     """
     return [textwrap.fill(name, length) for name in told_apart(names, 2 * length)]
 

@@ -38,7 +38,8 @@ class Plane(NamedTuple):
 
 def plane_of(inputs: ReportInputs) -> Plane | None:
     """Return the two inputs of a model with their samples. Return None if the model has more or
-    fewer inputs, if one of them does not vary, or if curves are drawn over time.
+    fewer inputs, if one of them was not measured or does not vary, or if curves are drawn over
+    time.
     """
     pair = sorted(inputs.model.inputs, key=lambda one: one.name == inputs.dataset.level)
     names, curves = tuple(one.name for one in pair), inputs.dataset.curves
