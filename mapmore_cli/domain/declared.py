@@ -293,7 +293,7 @@ class InUnit:
 
     def __get_pydantic_json_schema__(self, schema: object, handler: Handler) -> object:
         """Return the JSON schema of a number that may also be written as a text. The text starts
-        with a number or with a variable such as `${NAME}`.
+        with a number, or contains a variable such as `${NAME}`.
         """
         written = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]|\$\{"}
         unit = f"{self.words}, as a difference" if self.is_difference else self.words

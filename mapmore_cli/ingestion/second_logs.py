@@ -1,5 +1,5 @@
-"""Join the logs of a second logger to recordings: add their quantities, either at equal times or
-row by row.
+"""Join the logs of a second logger to recordings: add their quantities, either interpolated at the
+times of the samples, or row by row.
 """
 
 from __future__ import annotations
