@@ -30,7 +30,8 @@ from mapmore_cli.pipeline.frames import Door, labels_of
 
 TOLERANCE = 1e-4  # default of `tolerance` if `stop` is `tolerance`
 FEWEST = 3  # the default of `max_terms` is at least this number, even if there are very few samples
-# A column with mean m and deviation s is centred if `eps (m/s)^order` is larger than this number.
+# A column with mean m and standard deviation s is centred if `eps (|m|/s)^order` is larger than
+# this number, where eps is the relative rounding error of a double.
 LOST = 1e-10
 # A coefficient is a sum of contributions, which may cancel except for rounding errors.
 # A coefficient below this fraction of the sum of its absolute contributions is treated as zero.
@@ -60,10 +61,11 @@ class FROLS:
 
     If the values of a column x of `X` vary little around a mean c that is far from zero, the powers
     of x cannot be told apart because of rounding errors. In this case, c is subtracted from x
-    before terms are selected. `predict`, `selection_` and `table_` use terms of the difference
-    x - c, for example `(x - c)^2`. `terms_` and `coef_` describe the same model by terms of x
-    itself. To get these terms, powers of x - c are expanded, which can add terms that were not
-    selected. The error reduction ratio of an added term is zero.
+    before terms are selected (not with `constant=False`, because the difference contains a
+    constant). `predict`, `selection_` and `table_` use terms of the difference x - c, for example
+    `(x - c)^2`. `terms_` and `coef_` describe the same model by terms of x itself. To get these
+    terms, powers of x - c are expanded, which can add terms that were not selected. The error
+    reduction ratio of an added term is zero.
 
     >>> x = np.linspace(0, 1, 50)
     >>> model = FROLS(order=2, max_terms=2).fit(np.column_stack([x, np.cos(9 * x)]), 3 * x**2 - 1)
@@ -130,7 +132,8 @@ class FROLS:
     def _centre_of(self, values: Array) -> Array:
         """Return the offset that is subtracted from each column, (m,). If a column is far from
         zero, the differences between its powers are hardly larger than rounding errors; the offset
-        is then the mean of the column. Otherwise, the offset is 0.
+        is then the mean of the column. Otherwise, the offset is 0. It is also 0 for a constant
+        column, and for every column if the constant is not a candidate.
         """
         mean, spread = values.mean(axis=0), values.std(axis=0)
         far = spread * (LOST / np.finfo(float).eps) ** (1 / max(self.order, 1)) < np.abs(mean)

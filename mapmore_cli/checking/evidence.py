@@ -100,8 +100,8 @@ def two_digits(value: float) -> float:
 
 def same_signals(columns: Sequence[Array]) -> list[list[int]]:
     """Return groups of columns, (n,) each, that contain the same signal: in a group, each column is
-    a linear function `a y + b` of any other column y. Each group is a list of at least two indices
-    of columns.
+    nearly a linear function `a y + b` of any other column y. Each group is a list of at least two
+    indices of columns. Columns that are constant or shorter than `FEWEST` are left out.
 
     Two columns of different lengths are not compared. Their lengths differ, for example, if values
     are missing in one of them.
@@ -267,8 +267,9 @@ def spikes(values: Array) -> IntArray:
     The height of a spike is its distance from the nearer neighbour. It is at least four times the
     difference of the two neighbours. It is larger than four times the largest change between other
     samples, and larger than a quarter of the range of the other samples. Steps, and signals with
-    only two values, have no spikes. Nothing is returned if more than 1 % of the samples are spikes,
-    because spikes are then a property of the signal.
+    only two values, have no spikes. If there are several spikes, and they are more than 1 % of the
+    samples, nothing is returned, because spikes are then a property of the signal. Nothing is
+    returned for a record of fewer than `FEWEST` samples either.
     """
     none = np.zeros(0, dtype=np.int64)
     if len(values) < FEWEST:

@@ -146,9 +146,9 @@ def _shape_of(type_: Any) -> str:
 
 @dataclass(frozen=True)
 class Either:
-    """Annotation of a union type. The member of the union is chosen by the form of the value: a
-    number, a text, a list or a mapping. A mistake then gives a single message, instead of a message
-    for each member.
+    """Annotation of a union type. The member of the union is chosen by the form of the value, for
+    example a number, a text, a list or a mapping. A mistake then gives a single message, instead of
+    a message for each member.
 
     If two members are mappings, the member that has the key `key` is chosen for a value that has
     this key.
@@ -293,7 +293,7 @@ class InUnit:
 
     def __get_pydantic_json_schema__(self, schema: object, handler: Handler) -> object:
         """Return the JSON schema of a number that may also be written as a text. The text starts
-        with a number or with a variable such as `${NAME}`.
+        with a number, or contains a variable such as `${NAME}`.
         """
         written = {"type": "string", "pattern": r"^\s*[-+]?[0-9.]|\$\{"}
         unit = f"{self.words}, as a difference" if self.is_difference else self.words

@@ -54,8 +54,8 @@ class MapmoreError(Exception):
 
 def explained(error: BaseException) -> BaseException:
     """Return a `MapmoreError` whose message says what the user can do, if `error` is due to a file
-    or folder without read permission, to a path that does not exist, or to too little memory.
-    Return any other error unchanged.
+    or folder without read permission, to a path that does not exist or cannot be used, or to too
+    little memory. Return any other error unchanged.
 
     If Ctrl-C arrives inside a C function, Python may raise a SystemError that is caused by a
     KeyboardInterrupt. In this case, return the KeyboardInterrupt.

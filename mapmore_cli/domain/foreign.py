@@ -62,8 +62,9 @@ def tex_comment(*lines: str) -> list[str]:
 
 
 def xml_text(text: str, kept: str = "") -> str:
-    """Return the text without the characters that are not allowed in XML, not even as escape
-    sequences. Only printable characters and the characters in `kept` remain.
+    """Replace the characters of a text that are not allowed in XML, not even as escape sequences.
+    Only printable characters and the characters in `kept` remain; any other character is replaced
+    by its hexadecimal code in braces, such as `{1B}`.
     """
     return text.translate(
         {

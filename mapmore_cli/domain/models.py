@@ -64,7 +64,7 @@ class FoldError:
 
 class Body:
     """Base class for the part of a model that differs between kinds of models. `modelling.kinds`
-    has a class of operations for each kind.
+    defines what can be done with a model of any kind.
 
     `models` are the models that a body contains, and `memories` are its parts with memory.
     """

@@ -193,7 +193,8 @@ def _name_of(package: Distribution) -> str:
 def entry_points(group: str) -> dict[str, EntryPoint]:
     """Return the entry points of a group by name. If several entry points have the same name,
     mapmore's own is used; if none of them is mapmore's own, the first in alphabetical order of
-    their modules is used. A warning names each entry point that is not used.
+    their modules is used. A warning names each entry point that is not used, unless it leads to the
+    same module or object as the one that is used.
     """
     by_name = dict[str, EntryPoint]()
     of_group = (point for point in _installed() if point.group == f"mapmore.{group}")

@@ -288,7 +288,8 @@ class Tried:
     ] = ()
     # root mean square of `errors` on folds that leave out stretches of curves; NaN without them
     error: float = math.nan
-    # root mean square of `errors` on folds that leave out levels or recordings; NaN without them
+    # root mean square of `errors` on folds that leave out larger parts, for example levels or ends
+    # of recordings; NaN without them
     parts: float = math.nan
     # mean over all folds of log(error / error of the best structure)
     excess: float = math.nan

@@ -44,11 +44,11 @@ def expand(
 
     If a file has exactly the name `pattern`, brackets in `pattern` are ordinary characters, not
     wildcards. Wildcards do not lead into folders with results of mapmore; otherwise, a run could
-    read the results of an earlier run as recordings. `warn` is called with the names of such
-    folders.
+    read the results of an earlier run as recordings. If there are such folders, `warn` is called
+    with a message that names them.
 
-    Raises DataError if `pattern` is a folder, if a matching file is empty (unless `may_be_empty`),
-    or if no file matches.
+    Raises DataError if `pattern` is a folder, if no file matches, or if a matching file is empty
+    (unless `may_be_empty`), is not a regular file, or has a name that is not allowed.
     """
     literal = folder / pattern
     if literal.is_dir():

@@ -115,8 +115,8 @@ def _at_levels(parts: Sequence[LevelPart], values: Sequence[float], levels: Leve
 
 def _within(parts: Sequence[LevelPart], name: str, choice: Sequence[float] | Between) -> BoolArray:
     """Return a mask, (n,), of the samples of all parts. It is True if the quantity `name` lies in
-    one of the intervals of `choice`, or has one of its values. Raises DataError if no sample lies
-    in an interval or has a value.
+    one of the intervals of `choice`, or has one of its values. Raises DataError if one of the
+    intervals contains no sample, or if one of the values does not occur.
     """
     if isinstance(choice, Between):
         wanted = [

@@ -1,5 +1,5 @@
-"""Join the logs of a second logger to recordings: add their quantities, either at equal times or
-row by row.
+"""Join the logs of a second logger to recordings: add their quantities, either interpolated at the
+times of the samples, or row by row.
 """
 
 from __future__ import annotations
@@ -109,8 +109,9 @@ def _found_shift(
     If both quantities have the same unit, both must rise at the same time. If their units differ,
     one may also fall while the other rises.
 
-    Raises DataError if one of the quantities never changes, if noise alone could give the same
-    result, or if another shift is nearly as good.
+    Raises DataError if one of the quantities never changes or has too few values, if the logs
+    overlap at no shift, if noise alone could give the same result, or if another shift is nearly as
+    good.
     """
     match = join.match
     assert match is not None

@@ -31,8 +31,8 @@ def with_uncertainty(
     quantity is `measured`, its column becomes the uncertainty of the `target`, which is computed
     from it.
 
-    Raises DataError for a standard deviation that is not above zero, or is less than 0.001 of the
-    median in its curve.
+    Raises DataError for a standard deviation that is missing or not above zero, or that is not
+    above 0.001 of the median in its curve.
     """
     for name, rule in data.uncertainty.items():
         column = uncertainty_of(target if name == measured else name)

@@ -82,8 +82,8 @@ def place_in_spec(key: str, stage: str) -> str:
 
 def _differences(place: str, old: object, new: object) -> Iterator[str]:
     """Yield the differences between the old and the new value of a key of the spec. If both values
-    are mappings or lists, only the elements that differ are described, each with its full name,
-    such as `dictionary[0].order`.
+    are mappings, or lists of mappings with equal lengths, only the elements that differ are
+    described, each with its full name, such as `dictionary[0].order`.
     """
     if isinstance(old, dict) and isinstance(new, dict):
         for key in new | old:

@@ -36,9 +36,9 @@ class Inspection:
 
     @property
     def verdict(self) -> MapmoreError | None:
-        """Error that `mapmore check` raises at its end; None if no finding is an error. If the
-        errors are mistakes in the spec, it is a SpecError, because they must be corrected before
-        the data can be checked. Otherwise, it is a DataError.
+        """Error that `mapmore check` raises at its end; None if no finding is an error. If at least
+        one error is a mistake in the spec, it is a SpecError, because this mistake must be
+        corrected before the data can be checked. Otherwise, it is a DataError.
         """
         errors = [issue for issue in self.issues if issue.severity == "error"]
         if not errors:
@@ -60,8 +60,9 @@ def inspect(
     """Apply every rule to a study, and return the findings. If `before` is an earlier inspection
     with the same settings for reading, the data of this inspection are used and not read again.
 
-    If the curves cannot be made, only the recordings are checked. If a search has been run in
-    `run_dir`, its findings are included, for example that a black box has a smaller error.
+    If the curves cannot be made, only the recordings are checked. If the spec requests a search
+    and a search has been run in `run_dir`, its findings are included, for example that a black box
+    has a smaller error.
 
     Raises
     ------

@@ -103,8 +103,8 @@ class Finished:
 
 def _alerts(outcome: RunOutcome, unconfirmed: Sequence[str]) -> tuple[Alert, ...]:
     """Return the warnings about the scores of a completed run, which are also on its page. If no
-    stage had to run, the warnings are taken from the page of all runs, because this is quicker than
-    reading the results.
+    stage had to run and the spec has no open questions (`unconfirmed`), the warnings are taken from
+    the page of all runs, because this is quicker than reading the results.
     """
     from mapmore_cli.pipeline.runs_rows import known_alerts
 

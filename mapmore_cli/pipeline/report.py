@@ -35,8 +35,9 @@ LEFT_OUT = (
 
 @dataclass(frozen=True)
 class ReportSlice:
-    """Part of the spec on which only the report depends. A change of this part repeats only the
-    stage `report`; a change of any other part repeats an earlier stage too.
+    """Part of the spec that the stage `report` reads. If a change in it, for example of the style
+    of figures, has no effect on the results, only this stage is repeated. Settings on which the
+    results depend are also in the parts that the earlier stages read.
     """
 
     name: str
@@ -122,8 +123,8 @@ MOST_HASHES = 40
 
 
 def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> tuple[ReportInputs, ...]:
-    """Collect the results of the earlier stages and the report settings of the spec. The collection
-    is returned once for each output of the model.
+    """Return, for each output of the model, its results of the earlier stages together with the
+    report settings of the spec.
     """
     files = RunFiles(run_dir)
     results = (files.dataset(), files.model(), files.fit(), files.validation())
@@ -242,8 +243,8 @@ def drawn_figure(
     - `models`: competitors that are drawn; all of them if empty.
 
     Raises DataError if the folder holds no finished run, or if a part of its results is out of
-    date; UsageError for an unknown figure or panel
-    (the message names the known ones), or if `looks` has other settings than `report.style`.
+    date; UsageError for an unknown figure or panel (the message names the known ones), or if
+    `looks` has other settings than `report.style`.
     """
     from mapmore_cli.reporting.figures.drawing import compose, drawings, panel_of, to_bytes
     from mapmore_cli.reporting.figures.style import figure_style

@@ -46,8 +46,9 @@ class ScoresSlice:
 
 
 def scores_slice(spec: ExperimentSpec) -> ScoresSlice:
-    """Return the part of the spec on which the scores depend. A setting is left out if it has no
-    effect on the scores of this study, so that a change of it does not repeat the stage.
+    """Return the part of the spec on which the scores depend. The static run, the settings for
+    fitting the model again, and the section `fit` are left out if they have no effect on the scores
+    of this study, so that a change of them does not repeat the stage.
     """
     spec = with_definitions(spec)
     target = spec.target if isinstance(spec.target, str) else spec.target.column

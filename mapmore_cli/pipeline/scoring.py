@@ -247,9 +247,9 @@ def _repeatability_scores(
     part: ScoresSlice, model: Model, dataset: Dataset, scale: Normaliser
 ) -> Iterator[Score]:
     """Yield scores for the repeatability of the measurement: each measured value is predicted by
-    its repetitions. The repetitions are other cycles if cycles are held out, and otherwise
-    measurements at the same level, coordinate and direction. Yield nothing if no measurement was
-    repeated.
+    its repetitions. If cycles are held out, the repetition is the last training cycle; otherwise,
+    the repetitions are other recordings at the same level, coordinate and direction. Yield nothing
+    if no measurement was repeated.
     """
     data = (dataset.curves, dataset.target)
     if part.cycles_of is not None:

@@ -197,8 +197,8 @@ def fuse(part: ModelChoices, workspace: Workspace) -> None:
 
 def _finished(part: ModelChoices, model: Model, dataset: Dataset) -> Model:
     """Complete the model of one output: add the rates and directions that it needs, and notes about
-    its residuals. Raises FitError if `fit.shape` requires a sign that the training data contradict
-    or do not support.
+    its residuals. Raises FitError if the training data contradict the shape that `fit.shape`
+    requires, or are too few to support it.
     """
     from mapmore_cli.modelling.signals.rates import needed_signals
     from mapmore_cli.modelling.validation.residuals import explained_by_inputs

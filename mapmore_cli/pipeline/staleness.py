@@ -57,9 +57,9 @@ def pipeline(searched: bool = False) -> tuple[Stage, ...]:
 class Needed:
     """Another run that a run needs. It has its own spec, and is in the same folder of runs.
 
-    If the model of the other run is a part of this run's model, all stages of the other run are
-    brought up to date, including its page. If the other run only serves as a competitor, or is a
-    variation of this run, only the stages that make its model are brought up to date.
+    If this run builds on the other run, for example on its static model, all stages of the other
+    run are brought up to date, including its page. If the other run only serves as a competitor, or
+    is a variation of this run, only the stages that make its model are brought up to date.
     """
 
     need: Need

@@ -52,9 +52,9 @@ def columns_in(frame: object, column: Column) -> list[Hashable]:
 
 def canonical_columns(frame: object, target: object) -> dict[str, dict[str, str]]:
     """Return a section `columns`, as in a spec, for a frame. It contains the columns whose labels
-    are quantities that mapmore knows, for example `pressure`. If the `target` is a column with
-    another label, it contains all columns whose labels can be names of quantities. Raises SpecError
-    if it would be empty.
+    are quantities that mapmore knows, for example `pressure`. But if the `target` is the label of a
+    column, it contains all columns whose labels can be names of quantities. Raises SpecError if it
+    would be empty.
     """
     names = tuple(map(str, labels_of(frame) or ()))
     section = as_target(target)

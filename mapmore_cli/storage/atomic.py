@@ -237,7 +237,7 @@ def write_own(path: Path, content: str | bytes) -> None:
     """Write a file as a whole, as `replacing` does, and replace any file with this name. Use this
     function only for files whose names mapmore chooses; the module `outputs` has functions for
     files that the user names, and protects existing files. Raises WriteError for a link or a
-    special file.
+    special file; for example, writing into a pipe would wait for a reader.
     """
     with replacing(path) as file:
         file.write(content.encode() if isinstance(content, str) else content)

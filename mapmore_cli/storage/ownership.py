@@ -148,9 +148,10 @@ def put_back(run_dir: Path, output: str, known: Mapping[str, Stamp]) -> list[str
     """Clear the old folder of an `output`. The old folder was renamed to make room for the new
     folder.
 
-    The files that the run wrote are deleted; other files are moved into the new folder. If the new
-    folder already has a file of the same name, the old file is moved to the trash. Return the paths
-    of the files that were moved to the trash.
+    The files that the run wrote, and files that are equal to a new file of the same name, are
+    deleted; other files are moved into the new folder. If the new folder already has another file
+    of the same name, the old file is moved to the trash. Return the paths of the files that were
+    moved to the trash.
     """
     aside, moved = run_dir / f"{ASIDE}{output}", list[str]()
     for old in list(_below(aside)):

@@ -147,7 +147,8 @@ class StageRecord:
 class Origin:
     """Origin of a run.
 
-    - `spec`: POSIX path of the spec, relative to the run's folder.
+    - `spec`: POSIX path of the spec, relative to the run's folder. If this path would lead through
+      the root folder, it is only the file name. It is empty if the spec is unknown.
     - `campaign`: POSIX path of the campaign, relative to the run's folder; empty without a
       campaign.
     - `settings`: settings from the campaign or the command line that replace settings of the spec.

@@ -152,7 +152,8 @@ def default_unit(
     """
     if name in changes:
         return changes[name]
-    # A rate that is derived from itself is left out, because the recursion would not end.
+    # A rate that is derived from itself is left out, because the recursion would not end. A check
+    # of the spec reports this mistake.
     others = {key: of for key, of in rates.items() if key != name}
     if name in rates or name.endswith("_rate"):
         of = rates.get(name, name.removesuffix("_rate"))

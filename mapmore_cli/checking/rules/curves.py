@@ -125,8 +125,8 @@ def _split_values(dataset: Dataset, name: str, held_out: bool) -> Array:
 
 def even_steps(subject: Subject) -> Issues:
     """Require equal time steps in all recordings, unless the model needs only the order of the
-    samples. Gaps within recordings, after which a model with memory forgets its past, give a
-    warning.
+    samples. Gaps that the spec does not declare in `gaps`, so that they lie within recordings, give
+    a warning, because a model with memory forgets its past at a gap.
     """
     if not subject.spec.runs_over_time:
         return

@@ -109,7 +109,7 @@ def below_vacuum(subject: Subject) -> Issues:
 
 def _vacuum(subject: Subject, name: str) -> float | None:
     """Return the gauge pressure of a vacuum, in the unit of the quantity. Return None if the
-    quantity is not a pressure.
+    quantity is not a pressure, according to its name or its unit.
     """
     if name != "pressure" and not name.startswith("pressure_"):
         return None
@@ -121,8 +121,8 @@ def _vacuum(subject: Subject, name: str) -> float | None:
 
 def _first_of(subject: Subject, recording: Recording, rows: IntArray) -> str:
     """Return a text with the position of the first of some samples, and the number of further
-    samples. The position is the row in the file if all rows were kept, and otherwise the sample's
-    number in the recording; the time is added if it is known.
+    samples. The position is the row in the file if the format has numbered rows and all rows were
+    kept, and otherwise the sample's number in the recording; the time is added if it is known.
     """
     data, first = subject.spec.data, int(rows[0])
     by_rows = (

@@ -66,8 +66,9 @@ def unit_line(subject: Subject) -> Issues:
 
 
 def _header(subject: Subject, source: str) -> Top | None:
-    """Return the header lines of a file. Return None if the spec declares fewer than two
-    header lines, or if the header lines cannot be found.
+    """Return the header lines of a file. Return None if the spec declares fewer than two header
+    lines or selects a table of the file, if the format has no header lines, or if the first lines
+    cannot be read with the settings of the spec.
     """
     data = subject.spec.data
     peek = READERS[data.reader].peek

@@ -161,7 +161,8 @@ def bodies(kind: object) -> dict[str, type]:
 
 def step_to(key: object, place: int) -> str:
     """Return the part of a path that leads to a member of a mapping: the key of the member, or, if
-    the key contains other characters than letters, digits and `_`, the number of the member.
+    the key begins with a digit or contains other characters than letters, digits and `_`, the
+    number of the member.
     """
     name = str(key)
     return name if re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name) else f"{place:03d}"

@@ -49,7 +49,7 @@ from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
 
 WHITESPACE = "whitespace"
 DELIMITERS = {"tab": "\t"}
-# number of rows in which tables are searched that stand side by side
+# number of rows in which tables that stand side by side are searched
 FIRST_ROWS = 200
 
 _WORDS = re.compile(r"[\s\"']*[^\W\d_]|[\s\"']*[#\[({]")
@@ -250,8 +250,8 @@ def _blocks_of(lines: Lines, layout: Layout, raw: BufferedReader) -> Iterator[li
 
 
 def _open_end(lines: Lines, request: TableRequest) -> OpenEnd | None:
-    """Return the cells of the last lines of a text if its last line has no line break at the end;
-    None otherwise. The line may then be incomplete.
+    """Return the cells of the last lines of a text if its last line has no line break at the end,
+    so that this line may be incomplete; None otherwise.
     """
     if not lines.is_open:
         return None
@@ -287,8 +287,8 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
 
 def _cut_lines(lines: Sequence[str], delimiter: str | None) -> list[list[str]]:
     """Return the fields of each line. The lines are split at the delimiter; if it is None, at
-    blanks and tabs. Blank lines have no fields. The result is empty if a quotation mark is never
-    closed.
+    blanks and tabs. Blank lines have no fields. The result is empty if the lines cannot be split,
+    for example because a quotation mark is never closed, and the field that it begins is too long.
     """
     try:
         return (

@@ -183,8 +183,8 @@ class CellReader:
 
     @property
     def reads_more_than_numbers(self) -> bool:
-        """Return True if cells of the column can be something other than plain numbers: texts, time
-        stamps, or numbers with another decimal mark than the table.
+        """Return True if cells of the column can be something other than plain numbers: texts or
+        time stamps.
         """
         is_stamped = self.clock and bool(self.format or self.form not in ("", NUMBER))
         return self.texts is not None or is_stamped

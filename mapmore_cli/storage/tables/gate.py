@@ -124,8 +124,8 @@ def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
     text that has no line break at its end. There are three kinds of evidence:
 
     - The line has fewer cells than every line before it.
-    - Its last cell has fewer decimals than all cells above it in the same column, for example 2
-      below cells such as 254.126.
+    - Its last cell has fewer decimals than the cells above it in the same column, which all have
+      the same number of decimals: for example 2 below cells such as 254.126.
     - Its last cell ends with the decimal point, and no cell above it does.
 
     Return None without evidence, or if the line is not among the `rows` of the table.

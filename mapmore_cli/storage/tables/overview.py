@@ -247,8 +247,8 @@ def _log(columns: Sequence[Column]) -> list[Column]:
 
 
 def _columns(places: Sequence[Place], most: int) -> list[Column]:
-    """Return all columns of numbers in `places`, except those in elements of cell and struct
-    arrays.
+    """Return all columns of numbers in `places`. Each text array or list of texts in a group may
+    give the titles of the columns of a matrix in the same group.
     """
     titles = [(place.group, texts) for place in places if (texts := _texts_in(place.member))]
     return [

@@ -29,8 +29,8 @@ OF_ODS = re.compile(
     rb"formula=|value-type=\"(?:error|percentage)|spanned=|>Err:|>#|"
     rb"visibility=\"(?:collapse|filter)"
 )
-"""Pattern of texts that occur only in documents with facts about cells. Most documents contain none
-of these texts, and need not be parsed.
+"""Pattern of the texts without which a document cannot contain facts about cells. Most documents
+contain none of these texts, and need not be parsed.
 """
 
 ERROR = re.compile(r"#\w[\w/]*[!?]?|Err:\d+")

@@ -53,8 +53,8 @@ class Direction(Section):
     each recording, the direction is +1.
 
     - `direction_of`: The rate, usually made by `rate_of`. Example: `strain_rate`
-    - `dead_band`: A rate whose absolute value is at most this is treated as zero. Set it above the
-      noise of the rate. Example: `0.002`
+    - `dead_band`: Largest absolute rate that is treated as no motion. Set it above the noise of the
+      rate. Example: `0.002`
     """
 
     direction_of: str

@@ -183,8 +183,8 @@ class SourceColumn(Section):
 
     @property
     def _formats(self) -> Sequence[str]:
-        """Format of each column of a clock whose parts are in several columns, in the order of
-        `places`.
+        """Formats of the columns in `places`, in the same order; an empty text for a column without
+        a format.
         """
         if isinstance(self.format, list):
             return self.format
