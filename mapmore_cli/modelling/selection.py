@@ -38,11 +38,13 @@ Stop = Literal["tolerance", "bic", "aicc", "press", "free_run"]
 class Fit(Settings):
     """Rules for choosing terms (M2 eq 2-7).
 
-    - `scaling`: How inputs are scaled before they enter terms. `unit_square` moves the origin to a
-      corner of the data. A product of two inputs then needs four terms; `max_abs` (division by the
-      largest magnitude) and `none` need only one. `range`, only with memory, maps states to [0, 1].
-      The default is `unit_square` for pieces, `none` with memory, and `max_abs` for damping.
-      Example: `none`
+    - `scaling`: How inputs are scaled before they enter terms. `unit_square` shifts and
+      divides each input, so that it is zero at one end of its training range and has the magnitude
+      1 at the other end. Because of the shift, a product of two physical inputs is a sum of up to
+      four terms of the scaled inputs. With `max_abs` (division by the largest magnitude) and
+      `none`, nothing is shifted, and the product is one term. `range`, only with memory, maps
+      states to [0, 1]. The default is `unit_square` for pieces, `none` with memory, and `max_abs`
+      for damping. Example: `none`
     - `margin`: Only with memory: distance outside the training range at which states are clipped
       with `scaling: range`, as a fraction of the range. Example: `0.15`
     - `train_level`: The training level whose samples alone are used to fit the segments, as in M2,
@@ -56,8 +58,9 @@ class Fit(Settings):
       than this. If the dictionary has a constant, the mean of the target is subtracted first. The
       key has no effect with any other `stop` rule. Example: `0.01`
     - `stop`: Rule by which a fit may keep fewer terms than `max_terms`. `free_run`, only with
-      memory, chooses the number by simulation of the last quarter of each training recording.
-      Example: `bic`
+      memory, chooses the number by simulation of the last quarter of each training recording. With
+      memory, or if one function is fitted to all curves together, the default is `bic` unless
+      `max_terms` or `tolerance` is given. Example: `bic`
     - `criterion`: Which error the coefficients make small in a model with lags of the output: the
       error one step ahead (`one_step`), or the error of a simulation (`free_run`). In any other
       model, `free_run` is refused. Example: `free_run`

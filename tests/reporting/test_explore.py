@@ -138,7 +138,7 @@ def test_a_held_out_loop_is_opened_in_the_middle_of_its_range():
 
 def test_no_text_ends_a_script():
     assert json_text({"a": "</script><!--"}) == '{"a":"\\u003c/script>\\u003c!--"}'
-    with pytest.raises(ValueError, match="would end it"):
+    with pytest.raises(ValueError, match="would end the HTML element"):
         scripts(["let a = '</script>';"])
 
 

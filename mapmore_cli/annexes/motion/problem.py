@@ -83,8 +83,9 @@ class MotionSettings(Settings):
       (`swarm`). The swarm cannot find an `offset`, a `load` or `bumpless` switching. Example:
       `swarm`
     - `slowest`: Longest time constant of a section. By default, it is a quarter of the longest
-      piece of training data, because this piece does not show whether a slower change is a time
-      constant or a drift. Example: `5 s`
+      piece of training data, so that this piece is four time constants long and shows almost the
+      whole change. Of a slower change, the piece does not show whether it ends (a time constant) or
+      goes on (a drift). Example: `5 s`
     - `begin`: Ranges in which the particles of `solver: swarm` begin; by default, all stable
       sections. Example: `{p1: [-1, 1]}`
     - `seed`: Seed of the random numbers of `solver: swarm`; every section has its own numbers.

@@ -130,7 +130,8 @@ def _sum_of_products(blocks: Blocks) -> tuple[Array, int]:
         samples += len(y)
     if samples == 0 or len(total) == 1:
         raise ValueError(
-            "P must have the shape (n, M) with at least one row and one column, but it has none"
+            "P must have the shape (n, M) with at least one row and one column, but it has no row "
+            "or no column"
         )
     total[:-1, -1] = total[-1, :-1]
     return total, samples

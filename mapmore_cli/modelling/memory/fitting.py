@@ -211,8 +211,9 @@ def _sized_in_free_run(
         progress(terms, len(early.selector.sizes))
     if not np.isfinite(errors).any():
         raise DataError(
-            "on the last quarter of the training samples, the free run of every candidate model "
-            "diverges, or begins too late (a free run uses its own predictions as past outputs)",
+            "fit.stop: `free_run` cannot choose the number of terms, because every candidate model "
+            "diverges if it gets its own predictions as past outputs (free run along the training "
+            "samples)",
             DIVERGES,
         )
     return sizes[int(np.argmin(errors))], np.array(errors)

@@ -68,8 +68,8 @@ def repeats(
 
 
 def rising_samples(values: Array) -> BoolArray:
-    """Return a mask of the samples at which `values`, (n,), in the order of time, rise. Reversals
-    smaller than a tenth of the range are ignored.
+    """Return a mask, (n,), of the samples at which `values`, (n,), rise. The values are in the
+    order of time. Reversals smaller than a tenth of the range are ignored.
     """
     turns = turning_points(values, SWING * float(np.ptp(values)))
     if len(turns) < 2:

@@ -60,7 +60,10 @@ def scripts(texts: Iterable[str]) -> tuple[Script, ...]:
     made = tuple(Script(f"\n{text.strip()}\n") for text in texts)
     for one in made:
         if "</script" in one.text.lower() or "<!--" in one.text:
-            raise ValueError("a script holds `</script` or `<!--`, which would end it on a page")
+            raise ValueError(
+                "a script contains `</script` or `<!--`, which would end the HTML element `script` "
+                "too early"
+            )
     return made
 
 

@@ -230,9 +230,11 @@ FORMULAS = (
         """`sarosi_hysteresis_loss` is Sárosi's hysteresis loss: the product of the damping
 ratio zeta, the critical damping `2 sqrt(|k_t| m)` and the muscle's velocity.
 
-Equation 19 of the paper M2 multiplies by the strain rate, although k_t is a force per metre
-(equation 20), so that the result has the unit N/m. In `sarosi_hysteresis_loss`, the result is also
-multiplied by the length of the muscle, so that the result is a force.""",
+The stiffness k_t is in N/m (equation 20 of the paper M2), so the damping `2 zeta sqrt(|k_t| m)` is
+in N s/m. To give a force, it must be multiplied by a velocity in m/s. Equation 19 of the paper
+multiplies it by the strain rate (1/s) instead, and the result is then in N/m. Therefore
+`sarosi_hysteresis_loss` also multiplies by the length of the muscle: the length times the strain
+rate is the velocity.""",
     ),
     _loss(
         "sarosi_hysteresis_loss_printed",
