@@ -336,4 +336,5 @@ def _opened_file(path: Path) -> Iterator[tuple[h5py.File, str, str]]:
                 )
             yield file, str(kind), version
     except Invalid as fault:
-        raise DataError(f"{path}: is not a valid {kind}: {fault}", _GET_ANOTHER) from fault
+        remedy = f"{_GET_ANOTHER}; if it was made with a plug-in, install the plug-in"
+        raise DataError(f"{path}: is not a valid {kind}: {fault}", remedy) from fault
