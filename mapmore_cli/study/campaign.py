@@ -86,7 +86,8 @@ class Entry:
 
 
 def is_campaign(path: Path) -> bool:
-    """Return True if a YAML file has the key `campaign` at its top level. Raises SpecError for a
+    """Return True if a YAML file has the key `campaign` or `runs` at its top level. No other spec
+    has these keys, so that a campaign without its name is reported as such. Raises SpecError for a
     pipe or a device, which a worker could not open.
     """
     refuse_pipe(path)
@@ -94,7 +95,7 @@ def is_campaign(path: Path) -> bool:
         lines = read_source(path).text.splitlines()
     except SpecError:
         return False  # the file is loaded later, and the loader then reports why it cannot be read
-    return any(line.startswith("campaign:") for line in lines)
+    return any(line.startswith(("campaign:", "runs:")) for line in lines)
 
 
 def load_campaign(path: Path) -> tuple[Campaign, tuple[Entry, ...]]:

@@ -75,6 +75,7 @@ def test_paths_start_at_the_campaign(campaign):
             ["sweep.yaml:6", "name"],
         ),
         ("title:", "titel:", ["sweep.yaml:2:1", "title"]),
+        ("campaign:", "name:", ["sweep.yaml:1:1", "lacks the key `campaign`"]),
         ("name: two", "name: one", ["one"]),
     ],
 )
