@@ -311,7 +311,8 @@ def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous
         reasons.append("run.json is inconsistent: its fingerprint does not match its entries")
     reasons += _file_differences("output", "missing", known.outputs, now.outputs)
     recorded = {path for name in known.outputs for path in (name, name.split("/", 1)[0])}
-    missing = [output for output in stage.outputs if output not in recorded]
+    # a stage that wrote nothing, such as a report without formats, has no outputs in its entry
+    missing = [output for output in stage.outputs if known.outputs and output not in recorded]
     return [*reasons, *(f"output missing: {output}" for output in missing)]
 
 

@@ -60,6 +60,15 @@ def test_models_of_a_campaign_are_those_of_its_runs(places):
     assert find_campaign("both", *places) == {name: runs / name / "model.h5" for name in "ab"}
 
 
+def test_a_frozen_campaign_has_the_runs_with_which_it_was_frozen(places):
+    """Its runs may have changed, or may have been removed, since."""
+    model = places[1] / "b@x" / "model.h5"
+    for campaign in ("both", "removed"):
+        record = {"campaign": campaign, "sha256": {"model.h5": take_stamp(model).sha256}}
+        model.with_name("frozen.json").write_text(json.dumps(record))
+        assert find_campaign(f"{campaign}@x", *places) == {"b": model}
+
+
 def test_settings_without_an_effect_on_the_model_are_not_named(tmp_path, monkeypatch):
     said = ["name=b", "report.width=3", "validate.require={}", "fit.max_terms=2"]
     for origin, made in (
