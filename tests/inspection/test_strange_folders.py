@@ -43,6 +43,24 @@ def test_names_of_files_say_what_tests(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("names", "left_out"),
+    [
+        (["calibration_1", "load_1", "Tara"], ["Tara", "calibration_1"]),
+        (["calibration_1", "calibration_2"], []),  # they are the tests
+        (["recalibration", "target"], []),
+    ],
+)
+def test_files_for_sensors_are_left_out_beside_tests(tmp_path, names, left_out):
+    for number, name in enumerate(names):
+        (tmp_path / f"{name}.csv").write_text(f"P,F\n1,2\n3,{number}\n")
+    ((study,), reasons) = find_studies(tmp_path)
+    assert [
+        reason.partition(".csv: was recorded for a sensor")[0] for reason in reasons
+    ] == left_out
+    assert len(study.files) == len(names) - len(left_out)
+
+
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".txt"])
 def test_comments_between_the_rows_of_a_serial_log_are_left_out(tmp_path, suffix):
     for number in range(3):

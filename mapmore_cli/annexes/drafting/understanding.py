@@ -168,20 +168,22 @@ def _conditions_of(
     conditions, unused = told_by_names(study.names, answers.hold, [*columns, *renamed, *measured])
     needed = {*wanted, answers.hold.name if answers.hold else ""}
     read = {name: table[column.column] for name, column in columns.items()}
-    measuring: list[str] = []
-    for one in [one for one in conditions if one.quantity not in needed]:
-        name = _measured(one, read)
-        if answers.inputs is not None and not one.unit:
-            why = "name it with --inputs to use it"
-        elif answers.inputs is None and name is not None:
-            why = f"the column {read[name].called} measures it"
-            measuring.append(name)
-        else:
-            continue
-        conditions.remove(one)
-        unused.append(f"{one.quantity} ({why})")
+    optional = [condition for condition in conditions if condition.quantity not in needed]
+    measuring: dict[str, str] = {}
+    if answers.inputs is None:
+        columns_of = ((condition.quantity, _measured(condition, read)) for condition in optional)
+        measuring = {quantity: name for quantity, name in columns_of if name is not None}
+        reasons = {
+            quantity: f"the column {read[name].called} measures it"
+            for quantity, name in measuring.items()
+        }
+    else:
+        unnamed = (condition.quantity for condition in optional if not condition.unit)
+        reasons = dict.fromkeys(unnamed, "name it with --inputs to use it")
+    conditions = [condition for condition in conditions if condition.quantity not in reasons]
+    unused += [f"{quantity} ({why})" for quantity, why in reasons.items()]
     remark = f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
-    return conditions, measuring, remark
+    return conditions, [*measuring.values()], remark
 
 
 def _measured(condition: Condition, columns: Mapping[str, TitledColumn]) -> str | None:
@@ -200,6 +202,7 @@ def _measured(condition: Condition, columns: Mapping[str, TitledColumn]) -> str 
         if (
             is_other
             or len(column.values) != len(numbers)
+            or not all(map(len, column.values))
             or len(np.unique(numbers)) < FEWEST_SET_POINTS
         ):
             continue

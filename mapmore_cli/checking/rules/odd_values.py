@@ -62,17 +62,17 @@ def fill_values(subject: Subject) -> Issues:
             for end in dict.fromkeys(extremes(values)) if values.size else ():
                 filled = by_blocks(partial(np.equal, end), values)
                 rows = np.flatnonzero(filled)
-                if not 1 < rows.size <= SHARE_OF_FILLS * len(values):
+                # zero is what a sensor reads at rest, for example before a step of the pressure
+                if end == 0 or not 1 < rows.size <= SHARE_OF_FILLS * len(values):
                     continue
                 low, high = extremes(values[~filled])
                 if 0 < FAR * (high - low) < min(abs(end - low), abs(end - high)):
-                    unit = subject.units[name]
                     yield Issue(
                         "warning",
                         "fill-value",
                         subject.source(name),
-                        f"{_first_of(subject, recording, rows)}: {name} is exactly {end:.6g} "
-                        f"{unit}, and otherwise between {low:.6g} and {high:.6g} {unit}",
+                        f"{_first_of(subject, recording, rows)}: {name} is exactly {end:.6g}, "
+                        f"and otherwise between {low:.6g} and {high:.6g} {subject.units[name]}",
                         "if the logger writes this number in place of a missing value, name it as "
                         "the file shows it, for example `missing: {tokens: [-9999]}`; if it was "
                         "really measured, do nothing",
