@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mapmore_cli.domain import plugins
@@ -130,16 +130,20 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
 
 def origin_of(loaded: LoadedSpec, run_dir: Path, campaign: Path | None = None) -> Origin:
     """Return the origin of a run: the spec, campaign and settings from which it is made now. If the
-    run is repeated with the copy of the spec in its own folder, its origin remains the
-    original spec.
+    run, or a variation of it, is repeated with the copy of the spec in the folder of the run, its
+    origin remains the original spec, with the settings of both.
     """
     before = load_origin(run_dir)
+    folder, own = loaded.path.resolve().parent, run_dir.resolve()
     if (
         before is not None
         and loaded.path.name in (RESOLVED_SPEC, FOUND)
-        and loaded.path.resolve().parent.parent == run_dir.resolve().parent
+        and folder.parent == own.parent
+        # the name of a variation begins with the name of its study and a point
+        and f"{own.name}.".startswith(f"{folder.name}.")
     ):
-        return before
+        settings = [one for one in before.settings if one not in loaded.overrides]
+        return replace(before, settings=(*settings, *loaded.overrides))
     return Origin(
         _from(run_dir, loaded.path),
         _from(run_dir, campaign) if campaign else "",

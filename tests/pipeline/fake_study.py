@@ -23,10 +23,11 @@ class Study:
     folder: Path
     overrides: tuple[str, ...] = ()
     tables: tuple[()] = ()  # no recordings in memory
+    file: str = "study.yaml"
 
     @property
     def path(self):
-        return self.folder / "study.yaml"
+        return self.folder / self.file
 
     @cached_property
     def resolved(self):

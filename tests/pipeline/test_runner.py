@@ -18,7 +18,7 @@ from mapmore_cli.pipeline.runner import Options, bring_up_to_date, explain
 from mapmore_cli.pipeline.staleness import _from
 from mapmore_cli.storage.ownership import contents_of
 from mapmore_cli.storage.run_folder import run_lock
-from mapmore_cli.storage.run_record import written_files
+from mapmore_cli.storage.run_record import Origin, load_origin, written_files
 
 ALL = ["ingest", "fit", "fuse", "report"]
 
@@ -287,6 +287,18 @@ def test_a_page_that_shows_another_command_is_made_again(folder):
     why = {"report": "report.command: ../../study.yaml -> ../../study.yaml fit.max_terms=1"}
     assert {stage: reason for stage, reason in reasons(changed) if reason} == why
     assert run(changed).reasons == why
+
+
+def test_the_copy_of_a_spec_repeats_its_run_and_no_other(folder):
+    run_dir = run(replace(study(folder), overrides=("a=1",))).run_dir
+    copied = "runs/demo/experiment.yaml"
+    for _ in range(2):
+        run(replace(study(folder), file=copied, overrides=("b=2",)))
+        assert load_origin(run_dir) == Origin("../../study.yaml", settings=("a=1", "b=2"))
+    (folder / "study.yaml").touch()
+    run(study(folder, name="other"))
+    with pytest.raises(WriteError, match=r"contains the run 'other' of \.\./\.\./study\.yaml"):
+        run(replace(study(folder, name="other"), file=copied))
 
 
 def test_a_spec_that_was_written_before_an_interruption_is_the_runs_own(folder):
