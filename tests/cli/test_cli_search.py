@@ -84,17 +84,6 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(
         )
 
 
-def test_a_structure_of_another_spec_is_searched_again(tmp_path, document):
-    spec = write_bare(tmp_path)
-    document("run", spec, "-q")
-    spec.write_text(SPEC.replace("strain: {", "length: {unit: mm, "))
-    assert document("run", spec, "--explain", "-q")["stages"]["fit"] == "follows from search"
-    again = document("run", spec, "-q")
-    assert again["stages"]["search"] == "done"
-    elsewhere = document("run", spec, "--runs", "other", "-q")
-    assert again["scores"] == elsewhere["scores"]
-
-
 def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):
     from mapmore_cli.annexes.search import searching
 

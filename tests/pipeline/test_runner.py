@@ -289,6 +289,23 @@ def test_a_page_that_shows_another_command_is_made_again(folder):
     assert run(changed).reasons == why
 
 
+def test_a_structure_found_in_other_data_is_not_used(folder, monkeypatch):
+    """Found by fuzzing: the stages after the search were planned with it."""
+    searched = study(folder, model={"type": "auto"}, dictionary=[])
+    monkeypatch.setattr(staleness, "as_found", lambda *_: study(folder))
+    ingest, fit, *others = fake_stages()
+    stages = (ingest, replace(fit, name="search"), *others)
+    run_dir = run(searched, stages).run_dir
+
+    def planned():
+        plans = staleness.plan_stages(stages, "report", searched, run_dir, {}, rehash=False)
+        return [plan.stage.name for plan in plans]
+
+    assert planned() == ["ingest", "search", "fuse", "report"]
+    (folder / "data" / "a.csv").write_text("e,F\n0,other\n")
+    assert planned() == ["ingest", "search"]
+
+
 def test_the_copy_of_a_spec_repeats_its_run_and_no_other(folder):
     run_dir = run(replace(study(folder), overrides=("a=1",))).run_dir
     copied = "runs/demo/experiment.yaml"
