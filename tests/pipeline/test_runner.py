@@ -13,7 +13,7 @@ from fake_study import contents, fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
 from mapmore_cli.fitting.stage import Need
-from mapmore_cli.pipeline import staleness
+from mapmore_cli.pipeline import runner, staleness
 from mapmore_cli.pipeline.runner import Options, bring_up_to_date, explain
 from mapmore_cli.pipeline.staleness import _from
 from mapmore_cli.storage.ownership import contents_of
@@ -304,6 +304,32 @@ def test_a_structure_found_in_other_data_is_not_used(folder, monkeypatch):
     assert planned() == ["ingest", "search", "fuse", "report"]
     (folder / "data" / "a.csv").write_text("e,F\n0,other\n")
     assert planned() == ["ingest", "search"]
+
+
+@pytest.mark.parametrize(
+    ("until", "has_found", "stays"),
+    [("segment", False, False), ("segment", True, False), ("search", True, True)],
+)
+def test_a_search_goes_with_its_model_and_stays_if_it_was_made_alone(
+    folder, monkeypatch, until, has_found, stays
+):
+    monkeypatch.setattr(staleness, "as_found", lambda *_: study(folder))
+    monkeypatch.setattr(runner, "as_found", lambda loaded, _run_dir: loaded)
+    ingest, fit, *_ = fake_stages()
+    segment, search = replace(fit, name="segment"), replace(fit, name="search")
+    search = replace(
+        search,
+        outputs=("search.json",),
+        run=lambda _part, workspace: (workspace.out / "search.json").touch(),
+    )
+    searched = study(folder, model={"type": "auto"}, dictionary=[])
+    run_dir = run(searched, (ingest, search, segment), until).run_dir
+    if has_found:
+        (run_dir / "found.yaml").write_text("written by somebody")
+    run(study(folder), (ingest, segment), "segment")
+    assert (run_dir / "search.json").exists() == stays
+    assert [path.name for path in folder.glob("runs/.trash/*/demo/*")] == ["search.json"][stays:]
+    assert (run_dir / "found.yaml").exists() == has_found
 
 
 def test_the_copy_of_a_spec_repeats_its_run_and_no_other(folder):
