@@ -33,7 +33,7 @@ class Study:
     def resolved(self):
         return yaml.safe_dump(self.spec.model_dump(mode="json", by_alias=True))
 
-    def resolved_in(self, _folder):
+    def resolved_in(self, _folder, **_form):
         return self.resolved
 
 

@@ -307,14 +307,19 @@ def test_a_structure_found_in_other_data_is_not_used(folder, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("until", "has_found", "stays"),
-    [("segment", False, False), ("segment", True, False), ("search", True, True)],
+    ("until", "is_edited", "moved"),
+    [
+        ("segment", False, {"found.yaml", "search.json"}),
+        ("segment", True, {"search.json"}),
+        ("search", False, set()),
+        ("search", True, set()),
+    ],
 )
 def test_a_search_goes_with_its_model_and_stays_if_it_was_made_alone(
-    folder, monkeypatch, until, has_found, stays
+    folder, monkeypatch, until, is_edited, moved
 ):
-    monkeypatch.setattr(staleness, "as_found", lambda *_: study(folder))
-    monkeypatch.setattr(runner, "as_found", lambda loaded, _run_dir: loaded)
+    for module in (runner, staleness):
+        monkeypatch.setattr(module, "as_found", lambda *_: study(folder))
     ingest, fit, *_ = fake_stages()
     segment, search = replace(fit, name="segment"), replace(fit, name="search")
     search = replace(
@@ -324,12 +329,13 @@ def test_a_search_goes_with_its_model_and_stays_if_it_was_made_alone(
     )
     searched = study(folder, model={"type": "auto"}, dictionary=[])
     run_dir = run(searched, (ingest, search, segment), until).run_dir
-    if has_found:
-        (run_dir / "found.yaml").write_text("written by somebody")
+    if is_edited:
+        (run_dir / "found.yaml").write_text("edited")
+    monkeypatch.setattr(runner, "as_found", lambda loaded, _run_dir: loaded)
     run(study(folder), (ingest, segment), "segment")
-    assert (run_dir / "search.json").exists() == stays
-    assert [path.name for path in folder.glob("runs/.trash/*/demo/*")] == ["search.json"][stays:]
-    assert (run_dir / "found.yaml").exists() == has_found
+    assert {path.name for path in folder.glob("runs/.trash/*/demo/*")} == moved
+    left = {path.name for path in run_dir.iterdir()}
+    assert {"found.yaml", "search.json"} & left == {"found.yaml", "search.json"} - moved
 
 
 def test_the_copy_of_a_spec_repeats_its_run_and_no_other(folder):
