@@ -85,6 +85,7 @@ def freeze(run_dir: Path, tag: str, archive: Path, campaign: str = "") -> Path:
                 raise refusal
             for kept in KEPT:
                 write_own(unfinished / kept, (run_dir / kept).read_bytes())
+            _check_finished(unfinished)  # another process may have written the run meanwhile
             hashes = {kept: take_stamp(unfinished / kept).sha256 for kept in KEPT}
             document = {
                 "creator": f"mapmore {__version__}",

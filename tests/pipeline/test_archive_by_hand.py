@@ -128,6 +128,19 @@ def test_a_frozen_model_or_record_that_was_changed_is_refused(finished, text):
         find_model("1", finished, finished.parent)
 
 
+def test_a_run_that_another_process_wrote_meanwhile_is_not_frozen_in_part(finished, monkeypatch):
+    def read(path):
+        (finished / "scores.json").write_text("newer")
+        return path.read_bytes()
+
+    monkeypatch.setattr(
+        module, "write_own", lambda copy, _: copy.write_bytes(read(finished / copy.name))
+    )
+    with pytest.raises(DataError, match="was changed after the run wrote it"):
+        freeze(finished, "now", finished.parent)
+    assert not [*finished.parent.glob("*@*")]
+
+
 def test_a_model_that_another_process_froze_meanwhile(finished, monkeypatch):
     """Found by torture: it was an internal fault."""
     place = finished.parent / "r@now"
