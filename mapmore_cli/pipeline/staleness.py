@@ -152,12 +152,13 @@ def origin_of(loaded: LoadedSpec, run_dir: Path, campaign: Path | None = None) -
 
 
 def _from(run_dir: Path, path: Path) -> str:
-    """Return `path` relative to the run folder. If both paths have only the root folder in common,
-    return only the file name: the relative path would contain the names of private folders, and
-    files of a run must not contain them.
+    """Return `path` relative to the run folder. If both paths have at most the root folder in
+    common, return only the file name: the relative path would contain the names of private folders,
+    and files of a run must not contain them. On Windows, paths on two drives have nothing in
+    common.
     """
     path, run_dir = path.resolve(), run_dir.resolve()
-    if os.path.commonpath([path, run_dir]) == path.anchor:
+    if path.parts[:2] != run_dir.parts[:2]:
         return path.name
     return Path(os.path.relpath(path, run_dir)).as_posix()
 
