@@ -289,19 +289,31 @@ def test_a_page_that_shows_another_command_is_made_again(folder):
     assert run(changed).reasons == why
 
 
-def test_a_structure_found_in_other_data_is_not_used(folder, monkeypatch):
+@pytest.fixture
+def searched(folder, monkeypatch):
+    """A study whose structure is searched, and its stages."""
+    for module in (runner, staleness):
+        monkeypatch.setattr(module, "as_found", lambda *_: study(folder))
+    ingest, fit, *_ = fake_stages()
+    segment, search = replace(fit, name="segment"), replace(fit, name="search")
+    search = replace(
+        search,
+        outputs=("search.json",),
+        run=lambda _part, workspace: (workspace.out / "search.json").touch(),
+    )
+    return study(folder, model={"type": "auto"}, dictionary=[]), (ingest, search, segment)
+
+
+def test_a_structure_found_in_other_data_is_not_used(folder, searched):
     """Found by fuzzing: the stages after the search were planned with it."""
-    searched = study(folder, model={"type": "auto"}, dictionary=[])
-    monkeypatch.setattr(staleness, "as_found", lambda *_: study(folder))
-    ingest, fit, *others = fake_stages()
-    stages = (ingest, replace(fit, name="search"), *others)
-    run_dir = run(searched, stages).run_dir
+    loaded, stages = searched
+    run_dir = run(loaded, stages, "segment").run_dir
 
     def planned():
-        plans = staleness.plan_stages(stages, "report", searched, run_dir, {}, rehash=False)
+        plans = staleness.plan_stages(stages, "segment", loaded, run_dir, {}, rehash=False)
         return [plan.stage.name for plan in plans]
 
-    assert planned() == ["ingest", "search", "fuse", "report"]
+    assert planned() == ["ingest", "search", "segment"]
     (folder / "data" / "a.csv").write_text("e,F\n0,other\n")
     assert planned() == ["ingest", "search"]
 
@@ -316,19 +328,10 @@ def test_a_structure_found_in_other_data_is_not_used(folder, monkeypatch):
     ],
 )
 def test_a_search_goes_with_its_model_and_stays_if_it_was_made_alone(
-    folder, monkeypatch, until, is_edited, moved
+    folder, searched, monkeypatch, until, is_edited, moved
 ):
-    for module in (runner, staleness):
-        monkeypatch.setattr(module, "as_found", lambda *_: study(folder))
-    ingest, fit, *_ = fake_stages()
-    segment, search = replace(fit, name="segment"), replace(fit, name="search")
-    search = replace(
-        search,
-        outputs=("search.json",),
-        run=lambda _part, workspace: (workspace.out / "search.json").touch(),
-    )
-    searched = study(folder, model={"type": "auto"}, dictionary=[])
-    run_dir = run(searched, (ingest, search, segment), until).run_dir
+    loaded, (ingest, search, segment) = searched
+    run_dir = run(loaded, (ingest, search, segment), until).run_dir
     if is_edited:
         (run_dir / "found.yaml").write_text("edited")
     monkeypatch.setattr(runner, "as_found", lambda loaded, _run_dir: loaded)

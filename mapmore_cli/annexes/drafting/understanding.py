@@ -168,22 +168,21 @@ def _conditions_of(
     conditions, unused = told_by_names(study.names, answers.hold, [*columns, *renamed, *measured])
     needed = {*wanted, answers.hold.name if answers.hold else ""}
     read = {name: table[column.column] for name, column in columns.items()}
-    optional = [condition for condition in conditions if condition.quantity not in needed]
-    measuring: dict[str, str] = {}
-    if answers.inputs is None:
-        columns_of = ((condition.quantity, _measured(condition, read)) for condition in optional)
-        measuring = {quantity: name for quantity, name in columns_of if name is not None}
-        reasons = {
-            quantity: f"the column {read[name].called} measures it"
-            for quantity, name in measuring.items()
-        }
-    else:
-        unnamed = (condition.quantity for condition in optional if not condition.unit)
-        reasons = dict.fromkeys(unnamed, "name it with --inputs to use it")
+    measuring: list[str] = []
+    reasons: dict[str, str] = {}
+    for condition in conditions:
+        name = None if answers.inputs is not None else _measured(condition, read)
+        if condition.quantity in needed:
+            continue
+        if name is not None:
+            measuring.append(name)
+            reasons[condition.quantity] = f"the column {read[name].called} measures it"
+        elif answers.inputs is not None and not condition.unit:
+            reasons[condition.quantity] = "name it with --inputs to use it"
     conditions = [condition for condition in conditions if condition.quantity not in reasons]
     unused += [f"{quantity} ({why})" for quantity, why in reasons.items()]
     remark = f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
-    return conditions, [*measuring.values()], remark
+    return conditions, measuring, remark
 
 
 def _measured(condition: Condition, columns: Mapping[str, TitledColumn]) -> str | None:
