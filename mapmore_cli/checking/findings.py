@@ -87,7 +87,7 @@ def refusal(issues: Iterable[Issue]) -> SpecError | DataError | None:
 FINDINGS = "check.json"
 """Name of the file in the run folder that holds the findings."""
 
-REVISION = 5
+REVISION = 6
 """Revision of the rules. It is raised when a rule changes, so that findings of older rules are not
 used.
 """

@@ -5,7 +5,7 @@ later comparisons).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Annotated
 
@@ -79,54 +79,38 @@ def compare(
     a difference comes from the settings, and not from the muscle.
     """
     from mapmore_cli.cli.compared import of_campaigns
-    from mapmore_cli.pipeline.archive import compared, find_campaign, find_model
+    from mapmore_cli.pipeline.archive import find_campaign, find_model
 
     if len(models) < 2:
         raise UsageError(
             "compare needs two models",
             "name the earlier one first, for example `mapmore compare 2025-autumn my-run`",
         )
-    limit, alone = _limit(fail_on), dict[str, str]()
+    limit, only_in = _limit(fail_on), dict[str, str]()
     refuse_endings(
         [figure] if figure else [],
         FIGURE_FILES,
         "a figure of the drift cannot have this file ending",
     )
     campaigns = [find_campaign(text, runs, archive) for text in models]
-    runs_of = [known for known in campaigns if known is not None]
-    if runs_of:
+    models_of_runs = [known for known in campaigns if known is not None]
+    if models_of_runs:
         if figure is not None:
             raise UsageError(
                 f"--figure {figure}: the drift of campaigns cannot be drawn",
                 "leave out --figure, or name a run of each campaign",
             )
-        if len(models) != 2 or len(runs_of) != 2:
-            raise UsageError(
-                f"{', '.join(models)}: a campaign can be compared with one other campaign only",
-                "name two campaigns, for example `mapmore compare muscles@spring muscles`",
-            )
-        before, after = runs_of
-        results = {
-            name: compared(before[name], after[name], margin, other_settings)
-            for name in before
-            if name in after
-        }
-        alone = {name: models[name in after] for name in before | after if name not in results}
-        if not results:
-            raise UsageError(
-                f"{' and '.join(models)} have no run in common",
-                "name two campaigns with runs of the same names, or one run of each campaign",
-            )
-        view = of_campaigns(models, results, alone=alone)
+        results, only_in = _of_campaigns(models, models_of_runs, margin, other_settings)
+        view = of_campaigns(models, results, only_in=only_in)
     else:
         paths = [find_model(text, runs, archive) for text in models]
         results, view = _of_models(models, paths, margin, other_settings)
         if figure is not None:
             _draw(models, paths, figure)
     print_view(view, as_json)
-    if fail_on and alone:
+    if fail_on and only_in:
         raise LimitMissed(
-            f"{', '.join(alone)}: only one of the campaigns contains this run, and `--fail-on "
+            f"{', '.join(only_in)}: only one of the campaigns contains this run, and `--fail-on "
             f"{fail_on}` allows no run that is not compared",
             "run both campaigns with the same runs, or compare single runs",
         )
@@ -142,6 +126,41 @@ def compare(
                     else "give --fail-on a larger number"
                 ),
             )
+
+
+def _of_campaigns(
+    names: Sequence[str],
+    campaigns: Sequence[Mapping[str, Path]],
+    margin: float,
+    other_settings: bool,
+) -> tuple[dict[str, Comparison], dict[str, str]]:
+    """Compare two campaigns run by run. `campaigns` holds the model file of each run, for each of
+    the `names` that is a campaign. Return the comparison of each run that both campaigns contain.
+    For each run that only one campaign contains, return the name of this campaign.
+
+    Raises UsageError unless there are two names of campaigns with at least one common run.
+    """
+    from mapmore_cli.pipeline.archive import compared
+
+    if len(names) != 2 or len(campaigns) != 2:
+        raise UsageError(
+            f"{', '.join(names)}: a campaign can be compared with one other campaign only",
+            "name two campaigns, for example `mapmore compare muscles@spring muscles`",
+        )
+    before, after = campaigns
+    results = {
+        run: compared(model, after[run], margin, other_settings)
+        for run, model in before.items()
+        if run in after
+    }
+    if not results:
+        raise UsageError(
+            f"{' and '.join(names)} have no run in common",
+            "name two campaigns with runs of the same names, or one run of each campaign",
+        )
+    only_in = dict.fromkeys(before.keys() - after.keys(), names[0])
+    only_in |= dict.fromkeys(after.keys() - before.keys(), names[1])
+    return results, dict(sorted(only_in.items()))
 
 
 def _of_models(

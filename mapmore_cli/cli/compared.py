@@ -55,20 +55,20 @@ def of_campaigns(
     names: Sequence[str],
     results: Mapping[str, Comparison],
     what: str = "runs",
-    alone: Mapping[str, str] = {},
+    only_in: Mapping[str, str] = {},
 ) -> View:
     """Return the view of several comparisons, with a row for each. If `what` is `runs`, every run
     of a campaign is compared with the same run of an earlier campaign. If `what` is `outputs`,
-    every output of a model is compared with the same output of an earlier model. `alone` holds, by
-    the run, the campaign that alone contains it, so that it cannot be compared.
+    every output of a model is compared with the same output of an earlier model. For each run that
+    only one of two campaigns contains, `only_in` holds the name of this campaign.
     """
     runs = [{"run": run, **members(result, *ANSWER)} for run, result in results.items()]
     counts = Counter(result.answer for result in results.values())
     tally = ", ".join(f"{count} {answer}" for answer, count in sorted(counts.items()))
     lines = [f"{run}: {line}" for run, result in results.items() for line in _of_settings(result)]
-    lines += [f"{run}: is only in {name}, and was not compared." for run, name in alone.items()]
+    lines += [f"{run}: is only in {name}, and was not compared." for run, name in only_in.items()]
     table = drift_table([names[0], *results], [*results.values()])
-    document = {"before": names[0], "after": names[1], "runs": runs, "only_in": dict(alone)}
+    document = {"before": names[0], "after": names[1], "runs": runs, "only_in": dict(only_in)}
     return View(document, (table,), (f"{len(results)} {what}: {tally}.", *lines))
 
 

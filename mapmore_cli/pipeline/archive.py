@@ -85,6 +85,7 @@ def freeze(run_dir: Path, tag: str, archive: Path, campaign: str = "") -> Path:
                 raise refusal
             for kept in KEPT:
                 write_own(unfinished / kept, (run_dir / kept).read_bytes())
+            _check_finished(unfinished)  # another process may have written the run meanwhile
             hashes = {kept: take_stamp(unfinished / kept).sha256 for kept in KEPT}
             document = {
                 "creator": f"mapmore {__version__}",
@@ -194,18 +195,17 @@ def find_campaign(text: str, runs: Path, archive: Path) -> dict[str, Path] | Non
     of a campaign, these are the models that the runs have now. Return None if there is no such
     campaign.
 
-    In archives of older versions, the frozen folders do not name their campaign; a frozen campaign
-    then has the runs that it has now.
+    A frozen campaign is found even if its runs have been removed. In archives of older versions,
+    the frozen folders do not name their campaign; a frozen campaign then has the runs that it has
+    now.
     """
     name, at, tag = text.partition("@")
-    names = runs_of(runs / name)
+    records = sorted(archive.glob(f"[!.]*@{tag}/{FROZEN}")) if TAG.fullmatch(tag) else []
+    frozen = [record.parent for record in records if _entry(record, "campaign") == name]
+    names = [folder.name.removesuffix(f"@{tag}") for folder in frozen] or runs_of(runs / name)
     if names is None:
         return None
-    if TAG.fullmatch(tag):
-        records = sorted(archive.glob(f"[!.]*@{tag}/{FROZEN}"))
-        frozen = [one.parent.name for one in records if _entry(one, "campaign") == name]
-        names = [text.removesuffix(f"@{tag}") for text in frozen] or names
-    return {name: find_model(f"{name}{at}{tag}", runs, archive) for name in names}
+    return {run: find_model(f"{run}{at}{tag}", runs, archive) for run in names}
 
 
 def made_from(run_dir: Path) -> tuple[str, list[str]]:
@@ -235,14 +235,11 @@ def compared(
             f"difference: {'; '.join(settings)}",
             "make both with the same settings, or add --allow-other-settings",
         )
+    # the recordings of a model that is out of date are unknown
     hashes = [
-        {
-            stamp.sha256
-            for stage in stages.values()
-            for stamp in stage.inputs.values()
-            if MODEL_STAGE not in stale_stages(stages)
-        }
+        {stamp.sha256 for stage in stages.values() for stamp in stage.inputs.values()}
         for stages in records
+        if MODEL_STAGE not in stale_stages(stages)
     ]
     try:
         one, other = (alone(read_model(model).of(output)) for model in (before, after))
@@ -253,7 +250,11 @@ def compared(
             "name the earlier model in `validate.against` of the later study"
         )
         raise DataError(f"{before}, {after}: {fault}", remedy) from fault
-    return replace(comparison, settings=settings, same_recordings=hashes[0] == hashes[1] != set())
+    return replace(
+        comparison,
+        settings=settings,
+        same_recordings=len(hashes) == 2 and hashes[0] == hashes[1] != set(),
+    )
 
 
 MADE_BY = ("segment", "dictionary", "model", "fit", "fuse")

@@ -251,7 +251,8 @@ class _Run:
         recover(self.run_dir, [output for stage in stages for output in stage.outputs])
         records = load_records(self.run_dir, self.warn)
         if self.loaded.spec.model.type != AUTO and SEARCH_STAGE in records:
-            self.set_search_aside(records.pop(SEARCH_STAGE), records.get("segment"))
+            self.set_search_aside(records)
+            del records[SEARCH_STAGE]
         if load_origin(self.run_dir) != self.origin:
             # the record is written before the first stage runs, so that the folder is recognised
             # as a run folder
@@ -279,14 +280,17 @@ class _Run:
             self.save(kept)
         return plans
 
-    def set_search_aside(self, search: StageRecord, after: StageRecord | None) -> None:
+    def set_search_aside(self, records: Mapping[str, StageRecord]) -> None:
         """Move the files of an earlier search to the trash, because the model now has another
         structure. Files of a search without a model stay (`mapmore tune` writes them). Files
         that were changed stay too, and so does the spec that was found if this command reads it.
         """
+        segmented = records.get("segment")
+        is_used = segmented is not None and segmented.before == records[SEARCH_STAGE].fingerprint
         names = [name for name in (SEARCH, FOUND) if self.is_own(name)]
-        alone = FOUND in names and (after is None or after.before != search.fingerprint)
-        if not names or alone or any(is_read(self.run_dir / name) for name in names):
+        if (self.run_dir / FOUND).is_file() and not is_used:
+            return
+        if not names or any(is_read(self.run_dir / name) for name in names):
             return
         place = to_trash(self.run_dir, names)
         self.warn(

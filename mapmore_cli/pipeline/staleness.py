@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mapmore_cli.domain import plugins
@@ -130,16 +130,20 @@ def refuse_circle(loaded: LoadedSpec, heirs: tuple[Path, ...] = ()) -> None:
 
 def origin_of(loaded: LoadedSpec, run_dir: Path, campaign: Path | None = None) -> Origin:
     """Return the origin of a run: the spec, campaign and settings from which it is made now. If the
-    run is repeated with the copy of the spec in its own folder, its origin remains the
-    original spec.
+    run, or a variation of it, is repeated with the copy of the spec in the folder of the run, its
+    origin remains the original spec, with the settings of both.
     """
     before = load_origin(run_dir)
+    folder, own = loaded.path.resolve().parent, run_dir.resolve()
     if (
         before is not None
         and loaded.path.name in (RESOLVED_SPEC, FOUND)
-        and loaded.path.resolve().parent.parent == run_dir.resolve().parent
+        and folder.parent == own.parent
+        # the name of a variation begins with the name of its study and a point
+        and f"{own.name}.".startswith(f"{folder.name}.")
     ):
-        return before
+        settings = [one for one in before.settings if one not in loaded.overrides]
+        return replace(before, settings=(*settings, *loaded.overrides))
     return Origin(
         _from(run_dir, loaded.path),
         _from(run_dir, campaign) if campaign else "",
@@ -148,12 +152,13 @@ def origin_of(loaded: LoadedSpec, run_dir: Path, campaign: Path | None = None) -
 
 
 def _from(run_dir: Path, path: Path) -> str:
-    """Return `path` relative to the run folder. If both paths have only the root folder in common,
-    return only the file name: the relative path would contain the names of private folders, and
-    files of a run must not contain them.
+    """Return `path` relative to the run folder. If both paths have at most the root folder in
+    common, return only the file name: the relative path would contain the names of private folders,
+    and files of a run must not contain them. On Windows, paths on two drives have nothing in
+    common.
     """
     path, run_dir = path.resolve(), run_dir.resolve()
-    if os.path.commonpath([path, run_dir]) == path.anchor:
+    if path.parts[:2] != run_dir.parts[:2]:
         return path.name
     return Path(os.path.relpath(path, run_dir)).as_posix()
 
@@ -311,7 +316,8 @@ def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous
         reasons.append("run.json is inconsistent: its fingerprint does not match its entries")
     reasons += _file_differences("output", "missing", known.outputs, now.outputs)
     recorded = {path for name in known.outputs for path in (name, name.split("/", 1)[0])}
-    missing = [output for output in stage.outputs if output not in recorded]
+    # a stage that wrote nothing, such as a report without formats, has no outputs in its entry
+    missing = [output for output in stage.outputs if known.outputs and output not in recorded]
     return [*reasons, *(f"output missing: {output}" for output in missing)]
 
 

@@ -118,6 +118,8 @@ def write_report(
       SVG if `svg` is requested.
     - `others`: the other outputs of the run, which are shown on the same page.
     """
+    # the folder is an output of the stage, even if no file is requested
+    out.mkdir(parents=True, exist_ok=True)
     shown = [(one, _write_files(one, out, figures, formats)) for one in (inputs, *others)]
     if "html" in formats:
         _write_file(out / "index.html", render_page(*shown[0], shown[1:]))
@@ -214,5 +216,5 @@ def numbers_of(drawing: Drawing) -> str:
 
 
 def _write_file(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
+    path.parent.mkdir(exist_ok=True)
     path.write_text(text, encoding="utf-8", newline="\n")

@@ -65,7 +65,7 @@ def test_cautions_about_a_comparison():
     lighter = replace(doubtful, curves=(replace(CURVES[0], weight=2 / 3), CURVES[1]), settings=())
     assert len(of_comparisons(["old", "new"], [lighter]).lines) == 1
     results = {"z": SAME, "x": doubtful, "y": CHANGED}
-    whole = of_campaigns(["old@1", "new"], results, alone={"w": "new"})
+    whole = of_campaigns(["old@1", "new"], results, only_in={"w": "new"})
     assert whole.lines[0] == "3 runs: 2 changed, 1 same."
     alone = "w: is only in new, and was not compared."
     assert whole.lines[1:] == (f"x: {shown.lines[1]}", alone)

@@ -310,7 +310,9 @@ def test_a_number_far_from_all_others_stands_for_a_missing_value(fill, count, to
     issues = found(odd_values.fill_values, {"force": values, "time": values})
     assert issues == [("warning", "fill-value", "data.columns.force")] * told
     two_values = np.append(np.zeros(90), np.ones(10))  # a valve
-    assert found(odd_values.fill_values, {"force": two_values}) == []
+    step = np.append(np.zeros(5), np.linspace(99, 101, 95))
+    for values in (two_values, step):
+        assert found(odd_values.fill_values, {"force": values}) == []
 
 
 @pytest.mark.parametrize(("unit", "whole"), [("1", 1.0), ("%", 100.0)])

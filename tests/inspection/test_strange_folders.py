@@ -43,6 +43,24 @@ def test_names_of_files_say_what_tests(tmp_path):
     )
 
 
+@pytest.mark.parametrize(
+    ("names", "left_out"),
+    [
+        (["Calibration_1", "load_1", "tara"], ["Calibration_1", "tara"]),
+        (["calibration_1", "calibration_2"], []),  # they are the tests
+        (["recalibration", "target"], []),
+    ],
+)
+def test_files_for_sensors_are_left_out_beside_tests(tmp_path, names, left_out):
+    for number, name in enumerate(names):
+        (tmp_path / f"{name}.csv").write_text(f"P,F\n1,2\n3,{number}\n")
+    ((study,), reasons) = find_studies(tmp_path)
+    assert [
+        reason.partition(".csv: was recorded for a sensor")[0] for reason in reasons
+    ] == left_out
+    assert len(study.files) == len(names) - len(left_out)
+
+
 @pytest.mark.parametrize("suffix", [".log", ".asc", ".txt"])
 def test_comments_between_the_rows_of_a_serial_log_are_left_out(tmp_path, suffix):
     for number in range(3):
@@ -126,9 +144,6 @@ def test_files_of_office_programs_are_passed_over(tmp_path):
         (tmp_path / name).write_bytes(b"x")
     (study,), left_out = find_studies(tmp_path)
     assert (study.names, left_out) == (["log"], [])
-    write(tmp_path / "Calibration_2.csv", (T, T), "kg,V\n")
-    (study,), left_out = find_studies(tmp_path)
-    assert (study.names, len(left_out)) == (["log"], 1)
 
 
 def test_a_copy_in_another_folder_is_named_with_its_folder(tmp_path):

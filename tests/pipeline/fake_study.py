@@ -23,16 +23,17 @@ class Study:
     folder: Path
     overrides: tuple[str, ...] = ()
     tables: tuple[()] = ()  # no recordings in memory
+    file: str = "study.yaml"
 
     @property
     def path(self):
-        return self.folder / "study.yaml"
+        return self.folder / self.file
 
     @cached_property
     def resolved(self):
         return yaml.safe_dump(self.spec.model_dump(mode="json", by_alias=True))
 
-    def resolved_in(self, _folder):
+    def resolved_in(self, _folder, **_form):
         return self.resolved
 
 

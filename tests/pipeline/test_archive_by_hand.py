@@ -60,6 +60,15 @@ def test_models_of_a_campaign_are_those_of_its_runs(places):
     assert find_campaign("both", *places) == {name: runs / name / "model.h5" for name in "ab"}
 
 
+def test_a_frozen_campaign_has_the_runs_with_which_it_was_frozen(places):
+    """Its runs may have changed, or may have been removed, since."""
+    model = places[1] / "b@x" / "model.h5"
+    for campaign in ("both", "removed"):
+        record = {"campaign": campaign, "sha256": {"model.h5": take_stamp(model).sha256}}
+        model.with_name("frozen.json").write_text(json.dumps(record))
+        assert find_campaign(f"{campaign}@x", *places) == {"b": model}
+
+
 def test_settings_without_an_effect_on_the_model_are_not_named(tmp_path, monkeypatch):
     said = ["name=b", "report.width=3", "validate.require={}", "fit.max_terms=2"]
     for origin, made in (
@@ -117,6 +126,19 @@ def test_a_frozen_model_or_record_that_was_changed_is_refused(finished, text):
     changed.write_text(text)
     with pytest.raises(DataError, match="was changed after it was frozen"):
         find_model("1", finished, finished.parent)
+
+
+def test_a_run_that_another_process_wrote_meanwhile_is_not_frozen_in_part(finished, monkeypatch):
+    def read(path):
+        (finished / "scores.json").write_text("newer")
+        return path.read_bytes()
+
+    monkeypatch.setattr(
+        module, "write_own", lambda copy, _: copy.write_bytes(read(finished / copy.name))
+    )
+    with pytest.raises(DataError, match="was changed after the run wrote it"):
+        freeze(finished, "now", finished.parent)
+    assert not [*finished.parent.glob("*@*")]
 
 
 def test_a_model_that_another_process_froze_meanwhile(finished, monkeypatch):

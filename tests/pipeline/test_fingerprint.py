@@ -83,6 +83,8 @@ def test_reasons_why_a_stage_runs():
     assert _reasons(stage, known, now, "ingest") == ["stage revision 1 -> 2", "fit: 1 -> 2"]
     more = SimpleNamespace(name="fuse", outputs=("model.h5", "report", "table.csv"))
     assert _reasons(more, known, known, "ingest") == ["output missing: table.csv"]
+    empty = replace(known, outputs={})  # for example a report without formats
+    assert _reasons(stage, empty, empty, "ingest") == []
     files = _file_differences("source", "removed", stamps(a="1", b="2"), stamps(b="3", c="4"))
     assert files == ["source removed: a", "source changed: b", "source added: c"]
 

@@ -13,12 +13,12 @@ from fake_study import contents, fake_stages, make_data, study
 
 from mapmore_cli.domain.errors import DataError, FitError, WriteError
 from mapmore_cli.fitting.stage import Need
-from mapmore_cli.pipeline import staleness
+from mapmore_cli.pipeline import runner, staleness
 from mapmore_cli.pipeline.runner import Options, bring_up_to_date, explain
 from mapmore_cli.pipeline.staleness import _from
 from mapmore_cli.storage.ownership import contents_of
 from mapmore_cli.storage.run_folder import run_lock
-from mapmore_cli.storage.run_record import written_files
+from mapmore_cli.storage.run_record import Origin, load_origin, written_files
 
 ALL = ["ingest", "fit", "fuse", "report"]
 
@@ -287,6 +287,70 @@ def test_a_page_that_shows_another_command_is_made_again(folder):
     why = {"report": "report.command: ../../study.yaml -> ../../study.yaml fit.max_terms=1"}
     assert {stage: reason for stage, reason in reasons(changed) if reason} == why
     assert run(changed).reasons == why
+
+
+@pytest.fixture
+def searched(folder, monkeypatch):
+    """A study whose structure is searched, and its stages."""
+    for module in (runner, staleness):
+        monkeypatch.setattr(module, "as_found", lambda *_: study(folder))
+    ingest, fit, *_ = fake_stages()
+    segment, search = replace(fit, name="segment"), replace(fit, name="search")
+    search = replace(
+        search,
+        outputs=("search.json",),
+        run=lambda _part, workspace: (workspace.out / "search.json").touch(),
+    )
+    return study(folder, model={"type": "auto"}, dictionary=[]), (ingest, search, segment)
+
+
+def test_a_structure_found_in_other_data_is_not_used(folder, searched):
+    """Found by fuzzing: the stages after the search were planned with it."""
+    loaded, stages = searched
+    run_dir = run(loaded, stages, "segment").run_dir
+
+    def planned():
+        plans = staleness.plan_stages(stages, "segment", loaded, run_dir, {}, rehash=False)
+        return [plan.stage.name for plan in plans]
+
+    assert planned() == ["ingest", "search", "segment"]
+    (folder / "data" / "a.csv").write_text("e,F\n0,other\n")
+    assert planned() == ["ingest", "search"]
+
+
+@pytest.mark.parametrize(
+    ("until", "is_edited", "moved"),
+    [
+        ("segment", False, {"found.yaml", "search.json"}),
+        ("segment", True, {"search.json"}),
+        ("search", False, set()),
+        ("search", True, set()),
+    ],
+)
+def test_a_search_goes_with_its_model_and_stays_if_it_was_made_alone(
+    folder, searched, monkeypatch, until, is_edited, moved
+):
+    loaded, (ingest, search, segment) = searched
+    run_dir = run(loaded, (ingest, search, segment), until).run_dir
+    if is_edited:
+        (run_dir / "found.yaml").write_text("edited")
+    monkeypatch.setattr(runner, "as_found", lambda loaded, _run_dir: loaded)
+    run(study(folder), (ingest, segment), "segment")
+    assert {path.name for path in folder.glob("runs/.trash/*/demo/*")} == moved
+    left = {path.name for path in run_dir.iterdir()}
+    assert {"found.yaml", "search.json"} & left == {"found.yaml", "search.json"} - moved
+
+
+def test_the_copy_of_a_spec_repeats_its_run_and_no_other(folder):
+    run_dir = run(replace(study(folder), overrides=("a=1",))).run_dir
+    copied = "runs/demo/experiment.yaml"
+    for _ in range(2):
+        run(replace(study(folder), file=copied, overrides=("b=2",)))
+        assert load_origin(run_dir) == Origin("../../study.yaml", settings=("a=1", "b=2"))
+    (folder / "study.yaml").touch()
+    run(study(folder, name="other"))
+    with pytest.raises(WriteError, match=r"contains the run 'other' of \.\./\.\./study\.yaml"):
+        run(replace(study(folder, name="other"), file=copied))
 
 
 def test_a_spec_that_was_written_before_an_interruption_is_the_runs_own(folder):

@@ -67,6 +67,8 @@ def test_files(folder):
 
 
 def test_only_the_formats_and_figures_asked_for(inputs, tmp_path):
+    write_report(inputs, tmp_path / "none", (), ("pdf",))
+    assert not [*(tmp_path / "none").iterdir()]  # but the folder of the stage is there
     write_report(inputs, tmp_path / "a", ("nrmse",), ("svg",))
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["nrmse.svg"]
     write_report(inputs, tmp_path / "b", ("nrmse",), ("csv",))

@@ -99,12 +99,17 @@ def _ways_made(folder: Path, texts: Mapping[str, str], warn: Warn) -> dict[str, 
             trash = to_trash(folder, [name])
             warn(f"{place}: was changed after mapmore wrote the page; the old files are in {trash}")
     former = known if isinstance(known, dict) else {}
-    for place in (folder / name for name in former.keys() - texts.keys()):
-        inside = place.parent in (folder, folder / "tables")
-        if inside and place.is_file() and not place.is_symlink():
-            now = sha256(place.read_bytes()).hexdigest()
-            if now in former[place.relative_to(folder).as_posix()]:
-                place.unlink()
+    for name in former.keys() - texts.keys():
+        place = folder / name
+        # a copied record could name files elsewhere
+        is_inside = place.parent in (folder, folder / "tables")
+        if (
+            is_inside
+            and place.is_file()
+            and not place.is_symlink()
+            and sha256(place.read_bytes()).hexdigest() in former[name]
+        ):
+            place.unlink()
     return files
 
 

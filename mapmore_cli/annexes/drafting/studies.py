@@ -141,14 +141,16 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     copies = _copies(readable)  # a copy of an unreadable file need not be found
     root = path if path.is_dir() else path.parent
     names = {file: relative_name(file, root) for file in readable}
+    for_sensors = [file for file in readable if _FOR_SENSORS & {*words(stem_of(file.name))}]
+    if len(for_sensors) == len(readable):
+        for_sensors = []  # if all files have such names, they are the tests
     bad = {
         copy: f"{names[copy]}: has the same contents as {names[file]}"
         for copy, file in copies.items()
     } | {
         file: f"{names[file]}: was recorded for a sensor, as its name says; write what it shows as "
         "`scale` and `offset` of a column, or rename it if it is a test"
-        for file in readable
-        if file != path and _FOR_SENSORS & {*words(stem_of(file.name))}
+        for file in for_sensors
     }
     layouts, faults = _layouts_of([file for file in readable if file not in bad])
     bad |= faults

@@ -171,17 +171,18 @@ def _conditions_of(
     needed = {*wanted, answers.hold.name if answers.hold else ""}
     read = {name: table[column.column] for name, column in columns.items()}
     measuring: list[str] = []
-    for one in [one for one in conditions if one.quantity not in needed]:
-        name = _measured(one, read)
-        if answers.inputs is not None and not one.unit:
-            why = "name it with --inputs to use it"
-        elif answers.inputs is None and name is not None:
-            why = f"the column {read[name].called} measures it"
-            measuring.append(name)
-        else:
+    reasons: dict[str, str] = {}
+    for condition in conditions:
+        name = None if answers.inputs is not None else _measured(condition, read)
+        if condition.quantity in needed:
             continue
-        conditions.remove(one)
-        unused.append(f"{one.quantity} ({why})")
+        if name is not None:
+            measuring.append(name)
+            reasons[condition.quantity] = f"the column {read[name].called} measures it"
+        elif answers.inputs is not None and not condition.unit:
+            reasons[condition.quantity] = "name it with --inputs to use it"
+    conditions = [condition for condition in conditions if condition.quantity not in reasons]
+    unused += [f"{quantity} ({why})" for quantity, why in reasons.items()]
     remark = f"numbers not used: {', '.join(dict.fromkeys(unused))}" if unused else ""
     return conditions, measuring, remark
 
@@ -202,6 +203,7 @@ def _measured(condition: Condition, columns: Mapping[str, TitledColumn]) -> str 
         if (
             is_other
             or len(column.values) != len(numbers)
+            or not all(map(len, column.values))
             or len(np.unique(numbers)) < FEWEST_SET_POINTS
         ):
             continue

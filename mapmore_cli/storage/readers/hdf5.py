@@ -189,21 +189,21 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
 
 def _parts_written(dataset: h5py.Dataset) -> list[tuple[range, ...]] | None:
     """Return the parts of a dataset that were written, each as one range of indices for each axis.
-    The last range along an axis may extend beyond its end. Return None if the whole dataset was
-    written.
+    Return None if the whole dataset was written.
     """
     if not dataset.size or dataset.external or dataset.is_virtual:
         return None
     if dataset.chunks is None:
         return None if dataset.id.get_storage_size() else []
-    axes = zip(dataset.shape, dataset.chunks, strict=True)
+    axes = list(zip(dataset.shape, dataset.chunks, strict=True))
     if dataset.id.get_num_chunks() == math.prod(-(-length // step) for length, step in axes):
         return None
     parts = list[tuple[range, ...]]()
 
     def note(chunk: h5py.h5d.StoreInfo) -> None:
-        starts = zip(chunk.chunk_offset, dataset.chunks, strict=True)
-        parts.append(tuple(range(at, at + step) for at, step in starts))
+        # the last chunk along an axis may extend beyond its end, where there are no values to count
+        starts = zip(chunk.chunk_offset, axes, strict=True)
+        parts.append(tuple(range(at, min(at + step, length)) for at, (length, step) in starts))
 
     dataset.id.chunk_iter(note)
     return parts

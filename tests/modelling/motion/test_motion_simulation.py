@@ -28,7 +28,7 @@ from mapmore_cli.annexes.motion.simulation import (
     spread,
     stable,
 )
-from mapmore_cli.domain.errors import FitError
+from mapmore_cli.domain.errors import DataError, FitError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.modelling.kinds import parameters, runs_over_time
@@ -171,7 +171,7 @@ def test_sections_begin_at_their_lower_boundary():
 
 def test_sections_are_spread_by_equal_shares():
     assert spread(np.linspace(0, 6, 601), 3) == pytest.approx((2.0, 4.0))
-    with pytest.raises(Exception, match="stays at 1"):
+    with pytest.raises(DataError, match="stays at 1"):
         spread(np.array([0.0, 1.0, 1.0, 1.0, 1.0, 1.0]), 4)
 
 

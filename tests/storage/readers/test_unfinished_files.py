@@ -109,6 +109,13 @@ def test_chunks_that_were_never_written_are_missing(tmp_path, parts, how, absent
             table_of("hdf5", tmp_path / "a", "t", "P")
 
 
+def test_values_beyond_the_end_of_an_axis_are_not_counted(tmp_path):
+    with h5py.File(tmp_path / "a", "w") as file:
+        written_in_part(file, [slice(36, 40)], chunks=(12,), dtype="f8")
+    with refused("36 values of 'P' were never written"):
+        table_of("hdf5", tmp_path / "a", "t", "P")
+
+
 def test_fields_of_records_that_were_never_written(tmp_path):
     with h5py.File(tmp_path / "a", "w") as file:
         fields = [("t", "f8"), ("P", "f8")]
