@@ -65,7 +65,7 @@ def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
     rows were written, these rows are returned.
     """
     ended, mark = (run.run_dir / "scores.json").stat().st_mtime, mark_of(run.run_dir)
-    same = [row for row in known if row.mark == mark]
+    same = [row for row in known if (row.mark, row.ended) == (mark, ended)]
     if same and {alert for row in same for alert in row.alerts} == {*run.alerts}:
         return same
     record = json.loads((run.run_dir / RUN_RECORD).read_bytes())

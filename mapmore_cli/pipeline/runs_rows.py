@@ -11,11 +11,12 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from mapmore_cli.checking.findings import FINDINGS
 from mapmore_cli.domain.scores import OWN, Alert
 from mapmore_cli.storage.atomic import content_of
-from mapmore_cli.storage.run_record import RUN_RECORD
+from mapmore_cli.storage.run_record import DAMAGE, RUN_RECORD, read_json
 
 PAGE = "index.html"
 MARK = '<script type="application/json" id="runs">'
@@ -90,15 +91,31 @@ def rows_of(place: Path) -> list[Row] | None:
     return None
 
 
+OF_THE_MOMENT = ("seconds", "why", "mtime_ns", "ctime_ns", "inode")
+"""Keys in the record of a run that differ if the same results are made a second time."""
+
+
 def mark_of(run_dir: Path) -> str:
     """Return a hash of the record and the findings of a run. The record contains the hashes of all
     results, so that the mark changes if anything in a row of the run changes, apart from the number
-    of open questions in its spec.
+    of open questions in its spec. The mark does not depend on when and why the stages ran.
     """
-    places = [run_dir / RUN_RECORD, run_dir / FINDINGS]
-    return hashlib.sha256(
-        b"".join(content_of(place) for place in places if place.is_file())
-    ).hexdigest()
+    marked = hashlib.sha256()
+    with suppress(*DAMAGE):
+        marked.update(json.dumps(_lasting(read_json(run_dir / RUN_RECORD))).encode())
+    if (run_dir / FINDINGS).is_file():
+        marked.update(content_of(run_dir / FINDINGS))
+    return marked.hexdigest()
+
+
+def _lasting(value: Any) -> Any:
+    """Return a value of the record without the keys in `OF_THE_MOMENT`."""
+    match value:
+        case dict():
+            return {key: _lasting(of) for key, of in value.items() if key not in OF_THE_MOMENT}
+        case list():
+            return [_lasting(of) for of in value]
+    return value
 
 
 def known_alerts(run_dir: Path) -> tuple[Alert, ...] | None:

@@ -20,7 +20,7 @@ from mapmore_cli.modelling import kinds
 from mapmore_cli.pipeline import runs_page
 from mapmore_cli.pipeline.report import _in_units, faults_of
 from mapmore_cli.pipeline.runs_page import write_runs_page
-from mapmore_cli.pipeline.runs_rows import MARK, Row, known_alerts, rows_of
+from mapmore_cli.pipeline.runs_rows import MARK, Row, known_alerts, mark_of, rows_of
 from mapmore_cli.reporting.inputs import FigureStyle
 
 HOSTILE = "</script><script>alert(1)</script>\"'&"
@@ -235,6 +235,20 @@ def test_alerts_are_known_while_the_run_is_that_of_the_page(folder):
         assert known_alerts(run.run_dir) is None
         write_runs_page(folder.runs, [folder.finish("a", alerts=run.alerts)])
         assert known_alerts(run.run_dir) == run.alerts
+
+
+def test_the_mark_of_a_run_does_not_depend_on_when_and_why_it_ran(folder):
+    run_dir = folder.finish("a").run_dir
+    record = json.loads((run_dir / "run.json").read_text())
+
+    def mark(seconds, why, **output):
+        record["stages"]["report"] |= {"seconds": seconds, "why": why, "outputs": {"x": output}}
+        (run_dir / "run.json").write_text(json.dumps(record))
+        return mark_of(run_dir)
+
+    first = mark(1.0, "first time", sha256="aa", mtime_ns=1, ctime_ns=1, inode=1)
+    assert mark(2.0, "forced", sha256="aa", mtime_ns=2, ctime_ns=2, inode=2) == first
+    assert mark(1.0, "first time", sha256="bb", mtime_ns=1, ctime_ns=1, inode=1) != first
 
 
 def test_a_row_is_made_again_when_only_the_page_of_its_run_has_changed(folder):
