@@ -14,6 +14,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from pathlib import Path
 from typing import IO, TextIO
 
@@ -165,7 +166,8 @@ def refuse_foreign_file(path: Path) -> None:
     refuse_irregular(path.parent / WRITTEN)
     if not path.is_file() or path.stat().st_size == 0:
         return
-    if _hashes_in(path.parent).get(path.name) != hashes_of(path.parent, [path.name])[path.name]:
+    present = hashes_of(path.parent, [path.name])[path.name]
+    if present not in _hashes_in(path.parent).get(path.name, "").split():
         raise WriteError(
             f"{path}: the file exists, and it was not written by mapmore or was changed "
             "afterwards, so it is not replaced",
@@ -178,20 +180,27 @@ def note_chosen(folder: Path, names: Iterable[str]) -> None:
     hash, `refuse_foreign_file` allows mapmore to replace it. If the stored hashes are lost, the
     files are not replaced any more.
     """
-    hashes = {**_hashes_in(folder), **hashes_of(folder, names)}
+    _store(folder, hashes_of(folder, names))
+
+
+def _store(folder: Path, hashes: Mapping[str, str]) -> None:
+    """Store hashes of files of a folder, by name, beside those of its other files."""
+    hashes = {**_hashes_in(folder), **hashes}
     text = json.dumps(hashes, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
     if not holds(folder / WRITTEN, text.encode()):
         write_own(folder / WRITTEN, text)
 
 
 def _hashes_in(folder: Path) -> dict[str, str]:
-    """Return the hashes that `note_chosen` has stored for the files of a folder, by name; empty if
-    they cannot be read.
+    """Return the hashes that are stored for the files of a folder, by name; empty if they cannot be
+    read. While a file is being replaced, two hashes with a space between them are stored for it:
+    that of the old content and that of the new one.
     """
     with suppress(OSError, ValueError, RecursionError):
         noted = json.loads(content_of(folder / WRITTEN))
         if isinstance(noted, dict):
-            return {path.name: noted[path.name] for path in folder.iterdir() if path.name in noted}
+            there = [path.name for path in folder.iterdir() if path.name in noted]
+            return {name: str(noted[name]) for name in there}
     return {}
 
 
@@ -211,6 +220,9 @@ def write_chosen(folder: Path, files: Mapping[str, bytes]) -> list[Path]:
     }
     for path in changed:
         refuse_foreign_file(path)
+    # Both hashes are stored first: if this process is killed now, each file is either old or new.
+    old, new = _hashes_in(folder), {p.name: sha256(data).hexdigest() for p, data in changed.items()}
+    _store(folder, {name: f"{old.get(name, '')} {digest}".strip() for name, digest in new.items()})
     for path, data in changed.items():
         write_own(path, data)
     note_chosen(folder, files)

@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import json
 import shutil
 from pathlib import Path
 
@@ -35,6 +36,27 @@ def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):
     moved = shutil.copytree(place, tmp_path / "moved")
     write_chosen(moved, {"a.c": b"3"})
     assert [(folder / "a.c").read_bytes() for folder in (place, moved)] == [b"2", b"3"]
+
+
+def test_files_that_were_replaced_before_a_kill_may_be_replaced_again(tmp_path, monkeypatch):
+    write_chosen(tmp_path, {"a.c": b"1", "b.c": b"1"})
+
+    def killed_at_b(path, data):
+        if path.name == "b.c":
+            raise KeyboardInterrupt
+        path.write_bytes(data if isinstance(data, bytes) else data.encode())
+
+    for new in (b"2", b"3"):
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr("mapmore_cli.storage.outputs.write_own", killed_at_b)
+            write_chosen(tmp_path, {"a.c": new, "b.c": new})
+        for name in ("a.c", "b.c"):
+            refuse_early(tmp_path / name, chosen=True)
+    write_chosen(tmp_path, {"a.c": b"4", "b.c": b"4"})
+    assert {len(each) for each in json.loads((tmp_path / WRITTEN).read_text()).values()} == {64}
+    (tmp_path / "a.c").write_bytes(b"2")  # as the first of the two, but nobody is at work now
+    with pytest.raises(WriteError, match="was changed afterwards"):
+        refuse_early(tmp_path / "a.c", chosen=True)
 
 
 @pytest.mark.parametrize(
