@@ -1,8 +1,8 @@
 """Which files an output replaces: none that is read; by a chosen name, those of mapmore alone."""
 
 import gzip
-import os
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -47,9 +47,10 @@ def test_files_that_were_replaced_before_a_kill_may_be_replaced_again(tmp_path, 
         path.write_bytes(data if isinstance(data, bytes) else data.encode())
 
     for new in (b"2", b"3"):
-        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        with monkeypatch.context() as patch:
             patch.setattr("mapmore_cli.storage.outputs.write_own", killed_at_b)
-            write_chosen(tmp_path, {"a.c": new, "b.c": new})
+            with pytest.raises(KeyboardInterrupt):
+                write_chosen(tmp_path, {"a.c": new, "b.c": new})
         for name in ("a.c", "b.c"):
             refuse_early(tmp_path / name, chosen=True)
     write_chosen(tmp_path, {"a.c": b"4", "b.c": b"4"})
