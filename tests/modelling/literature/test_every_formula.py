@@ -91,7 +91,7 @@ def test_the_equation_is_the_prediction(name):
                 for name in ("sarosi", "polynomial_2", "polynomial_5")
                 for method in (None, "levenberg_marquardt")
             ),
-            *((name, None) for name in (*DAMPING, "chou_hannaford")),
+            *((name, None) for name in EVERY if name in DAMPING or name == "chou_hannaford"),
         ]
     ),
     *[st.floats(1e-4, 1e4)] * 3,
