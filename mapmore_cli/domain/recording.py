@@ -152,6 +152,9 @@ class Curve:
     raw_target: Annotated[
         Array | None, "(n) target before the effects of groups were removed", "[target]"
     ] = None
+    raw_uncertainty: Annotated[
+        Array | None, "(n) uncertainty of this target, before gains were removed", "[target]"
+    ] = None
 
     @property
     def size(self) -> int:
@@ -181,15 +184,21 @@ class Curve:
             at_rest=None if self.at_rest is None else self.at_rest[rows],
             origin=origin,
             raw_target=None if self.raw_target is None else picked(self.raw_target, rows),
+            raw_uncertainty=(
+                None if self.raw_uncertainty is None else picked(self.raw_uncertainty, rows)
+            ),
         )
 
     def raw(self, target: str) -> Curve:
         """Return the curve with the target as it was measured, before the gains and offsets of
-        groups were removed from it.
+        groups were removed from it and from its uncertainty.
         """
         if self.raw_target is None:
             return self
-        return replace(self, columns={**self.columns, target: self.raw_target}, raw_target=None)
+        columns = {**self.columns, target: self.raw_target}
+        if self.raw_uncertainty is not None:
+            columns[uncertainty_of(target)] = self.raw_uncertainty
+        return replace(self, columns=columns, raw_target=None, raw_uncertainty=None)
 
     def limits(self, name: str) -> Ends:
         """Return the smallest and the largest value of a quantity over the training samples. If

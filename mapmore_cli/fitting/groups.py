@@ -43,15 +43,20 @@ class GroupEffects:
 
     def removed_from(self, curve: Curve, target: str) -> Curve:
         """Return the curve without the effects of its groups: the target becomes `(y - b_g) /
-        gain_g`. Samples of unknown groups are unchanged.
+        gain_g`, and its uncertainty is divided by `gain_g`. Samples of unknown groups are
+        unchanged.
         """
-        values = curve.columns[target].copy()
+        name, raw = uncertainty_of(target), curve.columns[target]
+        offset, gain = np.zeros(curve.size), np.ones(curve.size)
         for group in self.gains | self.offsets:
             rows = curve.columns[self.of] == group
-            values[rows] -= self.offsets.get(group, 0.0)
-            values[rows] /= self.gains.get(group, 1.0)
-        raw = curve.columns[target]
-        return replace(curve, columns={**curve.columns, target: values}, raw_target=raw)
+            offset[rows] = self.offsets.get(group, 0.0)
+            gain[rows] = self.gains.get(group, 1.0)
+        columns = {**curve.columns, target: (raw - offset) / gain}
+        sigma = curve.columns.get(name)
+        if sigma is not None:
+            columns[name] = sigma / gain
+        return replace(curve, columns=columns, raw_target=raw, raw_uncertainty=sigma)
 
     def describe(self, target: str, unit: str) -> Iterator[str]:
         """Yield sentences with the gains and the offsets, for the page of the run."""

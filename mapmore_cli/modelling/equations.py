@@ -71,7 +71,9 @@ def equation(
 
     Numbers are rounded to the fewest digits with which the error of the equation stays below the
     `tolerance`. The error is relative to the range of values that the equation takes while its
-    inputs or states vary within their `limits`.
+    inputs or states vary within their `limits`. If this range is more than twice the range of the
+    training output, twice the latter is used: large terms can cancel in all samples, because the
+    inputs depend on each other there, although they do not cancel elsewhere within the limits.
     """
     whole, where = summed(terms, theta, scaling, units)
     whole = folded(whole)
@@ -92,7 +94,10 @@ def equation(
         terms_of_sum = whole.terms if isinstance(whole, Sum) else (whole,)
         whole = add(*(_balanced(term, known, len(u)) for term in terms_of_sum))
         exact = evaluate(whole, known, len(u))
-        error = tolerance * (np.ptp(exact) or np.abs(exact).max())
+        span = np.ptp(exact) or np.abs(exact).max()
+        error = tolerance * (
+            span if scaling.rule == "none" else min(span, 2 * abs(scaling.y_slope))
+        )
         digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
     return as_equation(name, whole, digits, where, weight)
 

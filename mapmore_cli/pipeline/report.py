@@ -314,4 +314,4 @@ def _in_units(model: Model, units: Mapping[str, str]) -> dict[str, tuple[Equatio
     return {", ".join(words): model_equations(model, factors)} if factors else {}
 
 
-STAGE = Stage(name="report", revision=14, outputs=("report",), reads=report_slice, run=write_pages)
+STAGE = Stage(name="report", revision=15, outputs=("report",), reads=report_slice, run=write_pages)

@@ -70,7 +70,7 @@ def static_run(spec: ExperimentSpec) -> list[Need]:
 
 INGEST = Stage(
     name="ingest",
-    revision=12,
+    revision=13,
     outputs=(DATASET,),
     reads=slice_of,
     run=ingest,

@@ -129,8 +129,10 @@ def coefficient_rows(
 def coefficients_table(fit: FitResult, unit: str, model: Model | None = None) -> Table:
     """Return a table of the coefficients of every segment with standard errors and 95 % confidence
     intervals, in scaled coordinates and in the unit of the target. A note names the coefficients
-    whose interval includes zero.
+    whose interval includes zero. Without scaling, every coefficient has a unit of its own, which
+    the table does not show.
     """
+    unit = "" if any(piece.scaling.rule == "none" for piece in fit.pieces) else unit
     columns = (
         *("segment", "term", "theta", "standard error .3g", "t .3g", "± 95 % .3g"),
         *("lower", "upper", f"theta × y_slope [{unit}]", f"± 95 % [{unit}] .3g"),

@@ -19,7 +19,7 @@ from mapmore_cli.domain.scores import (
     deciding,
 )
 from mapmore_cli.modelling.validation.comparison import Comparison
-from mapmore_cli.reporting.table import MODEL, Cells, Column, Table, cells_of, title_of
+from mapmore_cli.reporting.table import MODEL, Cells, Column, Table, cells_of, title_of, with_unit
 
 FLOOR_NOTE = (
     f"{REPEATABILITY}: not a model, but the difference between repeated measurements, that is, "
@@ -112,8 +112,7 @@ def _metrics(scores: Sequence[Score], unit: str) -> tuple[list[Column | str], li
         if one.heading and (one.shown is None or any(map(one.shown, scores)))
     }
     rows: list[Cells] = [(s.model, s.split, *cells_of(s, shown)) for s in scores]
-    # only now, because `cells_of` converts fractions to the unit `%`, and a target may have it
-    return [MODEL, "data", *(heading.replace("UNIT", unit) for heading in shown)], rows
+    return [MODEL, "data", *with_unit(shown, unit)], rows
 
 
 EQUAL_WITHIN = 0.01
@@ -272,14 +271,13 @@ def changes_table(comparison: Comparison) -> Table:
     and the differences between the outputs. The curve with the largest root mean square difference
     comes first.
     """
-    unit = comparison.unit
     columns = {
         "curve": "curve",
         "ratio .4f": "ratio",
         "weight [%] .1f": "weight",
-        f"mean difference [{unit}] .3g": "difference",
-        f"RMS difference [{unit}] .3g": "rms",
-        f"largest difference [{unit}] .3g": "largest",
+        "mean difference [UNIT] .3g": "difference",
+        "RMS difference [UNIT] .3g": "rms",
+        "largest difference [UNIT] .3g": "largest",
     }
     rows: list[Cells] = []
     for curve in comparison.by_effect:
@@ -299,7 +297,8 @@ def changes_table(comparison: Comparison) -> Table:
         "the earlier output."
     )
     title = f"{comparison.after} against {comparison.before}"
-    return Table.of("changes", title, (*columns, "at"), rows, note)
+    headings = with_unit(columns, comparison.unit)
+    return Table.of("changes", title, (*headings, "at"), rows, note)
 
 
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:

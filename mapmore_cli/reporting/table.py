@@ -160,11 +160,19 @@ def cells_of(record: object, columns: Mapping[str, str]) -> tuple[Any, ...]:
     """Return the values of attributes of a record. `columns` holds the names of the attributes by
     the headings of their columns, for example `{"weight [%]": "weight"}`. If the heading has the
     unit `%`, the fraction is converted to per cent.
+
+    The unit of the target may also be `%`, but then the number is no fraction. A heading therefore
+    contains `UNIT` in place of the unit of the target; `with_unit` fills it in afterwards.
     """
     numbers = attrgetter(*columns.values())(record)
     return tuple(
         100 * x if "[%" in heading else x for heading, x in zip(columns, numbers, strict=True)
     )
+
+
+def with_unit(headings: Iterable[str], unit: str) -> tuple[str, ...]:
+    """Return headings in which the unit of the target replaces `UNIT`."""
+    return tuple(heading.replace("UNIT", unit) for heading in headings)
 
 
 def _show(cell: Cell, column: Column) -> str:

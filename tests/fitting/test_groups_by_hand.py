@@ -49,9 +49,13 @@ def test_gains_are_found_and_do_not_depend_on_the_unit(unit, zero, noise):
 
 def test_effects_are_taken_off_and_told():
     columns = {"g": np.array([1.0, 2.0, 5.0]), "y": np.array([5.0, 7.0, 9.0])}
+    columns["y_uncertainty"] = np.array([0.5, 0.5, 0.5])
     curve = Curve("all", None, columns, np.zeros(3, dtype=bool), ("a",))
     of = GroupEffects("g", {1.0: 2.0}, {1.0: 3.0, 2.0: -3.0}, (5.0,))
     assert of.removed_from(curve, "y").columns["y"].tolist() == [1.0, 10.0, 9.0]
+    assert of.removed_from(curve, "y").columns["y_uncertainty"].tolist() == [0.25, 0.5, 0.5]
+    again = of.removed_from(curve, "y").at(np.array([2, 0])).raw("y").columns
+    assert (again["y"].tolist(), again["y_uncertainty"].tolist()) == ([9.0, 5.0], [0.5, 0.5])
     assert curve.columns["y"].tolist() == [5.0, 7.0, 9.0]
     assert list(of.describe("y", "N")) == [
         "gains of g, by which y is divided: 1: 2; 5 is held out completely and gets a gain of 1",

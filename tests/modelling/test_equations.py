@@ -113,6 +113,20 @@ def test_what_is_printed_is_the_model_within_its_stated_error(scaling, around):
     assert np.abs(read(found.text, columns) - predicted).max() <= STATED * np.ptp(predicted)
 
 
+def test_terms_that_cancel_in_the_samples_keep_enough_digits():
+    s = np.linspace(0, 1, 50)
+    columns = {"strain": 14 * s, "pressure": 4 * s}  # the strain follows the pressure
+    theta = np.array([4772.1245, -58410.1])
+    y = theta @ [columns["strain"] ** 2, columns["pressure"] ** 2]
+    scaling = Scaling(
+        "max_abs", "-", tuple(columns), np.ones(2), np.zeros(2), float(np.abs(y).max()), 0.0
+    )
+    limits = {name: (0.0, float(x.max())) for name, x in columns.items()}
+    terms = ("strain^2", "pressure^2")
+    found = equation("a", terms, theta / scaling.y_slope, scaling, limits, {})
+    assert np.abs(read(found.text, columns) - y).max() < STATED * np.ptp(y) < 1
+
+
 def test_other_units_are_in_the_meanings():
     model = built()
     own, other = equations(model)[1], equations(model, {"strain": 0.01})[1]

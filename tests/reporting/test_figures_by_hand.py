@@ -109,6 +109,9 @@ def test_errors_that_differ_by_more_than_twenty_times_are_on_a_logarithmic_axis(
     )
     ax = sketch.Sketch(7.0)
     figure.panels[0].draw(ax)
+    assert {f"from [{inputs.target.unit}]", f"{inputs.own} [{inputs.target.unit}]"} <= {
+        *figure.panels[0].data
+    }
     assert ax.yaxis.logarithmic is logarithmic
     assert logarithmic or ax.yaxis.ends == (0.0, pytest.approx(1.05 * largest))
     words = [bands._short(value) for value in (999.4, 1000.0, 99_999.0, 1e5, 0.12345)]

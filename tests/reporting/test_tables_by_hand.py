@@ -91,6 +91,11 @@ def test_coefficients_with_their_intervals_in_both_units():
         "how errors were found",
         "Not identified (95 % interval beyond zero): x (s).",
     )
+    assert table.headings[-2:] == ("theta × y_slope [N]", "± 95 % [N]")
+    plain = piece()
+    plain.scaling.rule = "none"  # the coefficient of x has the unit of y per unit of x
+    unscaled = coefficients_table(SimpleNamespace(pieces=[plain]), "N")
+    assert unscaled.headings[-2:] == ("theta × y_slope", "± 95 %")
     for count, more in ((12, False), (13, True)):
         every = SimpleNamespace(pieces=[piece(str(number)) for number in range(count)])
         named = coefficients_table(every, "N").notes[-1]
@@ -258,6 +263,9 @@ def test_changes_of_curves_and_of_all():
     )
     assert table.title == "new against old"
     assert "(Student's t, 2 degrees of freedom; the unit is the curve), p = 0.04." in table.notes[0]
+    comparison.unit = "%"  # differences of a target in per cent are no fractions
+    assert changes_table(comparison).rows == table.rows
+    assert "largest difference [%]" in changes_table(comparison).headings
     comparison.p_permutation = 0.25
     assert "permutation of the curves' signs p = 0.25." in changes_table(comparison).notes[0]
 

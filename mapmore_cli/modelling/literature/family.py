@@ -132,11 +132,11 @@ class Family(Formula):
         parameters = {"zero": float(zero.mean()), "a": a, "b": b, **shape.parameters}
         residual = self.predict(parameters, columns) - y
         unknown = dict.fromkeys(("zero", "a", "b"), math.nan)
-        ratios = ", ".join(
+        forces = ", ".join(
             f"{of} {place:g}: {force:.4g}" for place, force in zip(which, largest, strict=True)
         )
         notes = (
-            f"learnt from {len(which)} specimens; ratios of the largest forces: {ratios}",
+            f"learnt from {len(which)} specimens; largest force of each: {forces}",
             *shape.notes,
         )
         return replace(

@@ -74,6 +74,9 @@ class Formula:
     - `dimensions`: parameters that are dimensions of the muscle (for example `diameter`, in m),
       which are given and not fitted.
     - `given`: values of the dimensions, after `of_muscle` has set them.
+    - `constants_for`: quantities for which the text contains numbers, for example `1 - strain`.
+      The formula therefore needs these quantities in their default units (kPa, N, m; strain as a
+      fraction).
     - `units`, `definition`: units of the parameters, and the text that defines the formula, for a
       formula of a spec (`own`).
     - `fitted_to`: `target` for a formula that `fit` fits; `load_cycles` for one that has its own
@@ -95,6 +98,7 @@ class Formula:
     component: str = field(default="static", kw_only=True)
     dimensions: tuple[str, ...] = field(default=(), kw_only=True)
     given: Mapping[str, float] = field(default_factory=dict, kw_only=True)
+    constants_for: tuple[str, ...] = field(default=(), kw_only=True)
     units: Mapping[str, str] = field(default_factory=dict, kw_only=True)
     definition: str = field(default="", kw_only=True)
 

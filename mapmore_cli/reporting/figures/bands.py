@@ -42,7 +42,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
         ax.set_xticks(range(len(sizes)), ends)
         ax.set_xlim(-0.3, len(sizes) - 0.7)
 
-    table = bands_table(sizes, "")
+    table = bands_table(sizes, unit)
     data = dict(zip(table.headings, zip(*table.rows, strict=True), strict=True))
     label = inputs.axis_label(inputs.target, "absolute value of measured")
     caption = (

@@ -21,7 +21,7 @@ from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.model import OwnFormula
 from mapmore_cli.study.sections.results import Competitor
 from mapmore_cli.study.tree import Loc
-from mapmore_cli.study.units import default_unit
+from mapmore_cli.study.units import default_unit, is_same
 
 if TYPE_CHECKING:
     from mapmore_cli.modelling.literature import Formula
@@ -121,6 +121,16 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
             )
             for missing in formula.inputs
         ),
+        *(
+            (
+                not is_same(default_unit(bound, spec.units), default_unit(bound)),
+                loc,
+                f"`{{name}}` contains numbers that hold only for the {bound} "
+                f"{_in_words(default_unit(bound))}, but `units` sets another unit for it",
+                f"remove `{bound}` from `units`, or leave `{{name}}` out",
+            )
+            for bound in formula.constants_for
+        ),
         (
             predicted in formula.inputs,
             loc,
@@ -143,6 +153,10 @@ def _needs(spec: ExperimentSpec, name: str, formula: Formula, loc: Loc) -> Itera
         name=name,
         predicted=predicted,
     )
+
+
+def _in_words(unit: str) -> str:
+    return "as a fraction" if unit == "1" else f"in {unit}"
 
 
 def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -> Iterator[Finding]:

@@ -15,6 +15,7 @@ from mapmore_cli.study.experiment import ExperimentSpec, TargetColumn
 from mapmore_cli.study.fields import TargetKind
 from mapmore_cli.study.sections.data import STEP_OF
 from mapmore_cli.study.sections.dictionary import feeds_back
+from mapmore_cli.study.units import default_unit, is_same
 
 MOTION = ("damping", "dynamic")
 """Targets that have a static and a damping part."""
@@ -154,6 +155,12 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
         )
     weighed = sorted({"loss", "weight"} & {*spec.fit.changed})
     yield from applying(
+        (
+            bool(family) and not is_same(default_unit("strain", spec.units), "1"),
+            "model.family:",
+            "a family needs the strain as a fraction, but `units` sets another unit for it",
+            "remove `strain` from `units`",
+        ),
         *(
             (
                 not is_pieces,

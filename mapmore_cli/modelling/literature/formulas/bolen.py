@@ -39,6 +39,7 @@ def published(diameter: int, largest: str, c0: float, c1: float, c2: float) -> F
         ),
         nonlinear=(Nonlinear("e620", per=None, intervals=((0.01, 1.0),)),),
         dimensions=("length",),
+        constants_for=("pressure", "strain", "force"),
     )
 
 
@@ -56,6 +57,7 @@ FORMULAS = (
             linear=("a", "b"),
             printed={"F620": "620*b", "c0": "a/(620*b)", "k1": "k1", "k2": "k2"},
         ),
+        constants_for=("pressure",),
     ),
     published(10, "303.5*atan(19.03*(length - 0.0075))", 0.5682, 4.254, 0.5597),
     published(20, "922.4*atan(15.37*(length - 0.013))", 0.2579, 6.477, 1.321),

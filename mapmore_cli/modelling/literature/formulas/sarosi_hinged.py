@@ -122,4 +122,5 @@ FORMULA = SarosiHinged(
     inputs=("pressure", "strain"),
     parameters=(*hinge.NAMES, "share", *PLAIN.parameters),
     text=COMPUTED,
+    constants_for=("strain",),
 )

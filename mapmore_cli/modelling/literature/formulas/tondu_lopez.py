@@ -76,6 +76,11 @@ def braided(
         title=title,
         about=about,
         dimensions=("diameter",) if of_diameter else (),
+        constants_for=(
+            "strain",
+            *(["pressure"] if correction or of_diameter else []),
+            *(["force"] if of_diameter else []),
+        ),
     )
 
 
@@ -87,6 +92,7 @@ FORMULAS = (
         inputs=("pressure", "strain"),
         parameters=("c1", "c2"),
         text="pressure*(c1*(1 - strain)^2 - c2)",
+        constants_for=("strain",),
         about="""`chou_hannaford` is Chou and Hannaford's static force of a braided cylinder. The
 formula follows from the conservation of energy.
 
@@ -169,6 +175,7 @@ formula `tondu_lopez_corrected`, the area is fitted as well.""",
         parameters=("theta", "a_k", "b_k", "a_e", "b_e"),
         text=f"(a_e*exp(-40*strain) - b_e)*pressure*{braid(CORRECTED_STRAIN)}",
         nonlinear=(ANGLE, *CORRECTION),
+        constants_for=("pressure", "strain"),
         about="""`kerscher` is the formula of Tondu and Lopez for the static force, to which
 Kerscher et al. have added one factor on the strain and another factor on the force.
 

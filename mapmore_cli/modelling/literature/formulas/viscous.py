@@ -89,14 +89,17 @@ FORMULAS = (
         viscous("reynolds", "Reynolds", "M2 eq 16", ("B0", "B1"), "(B0 + B1*pressure)", REYNOLDS),
         DIRECTIONS,
     ),
-    by_region(
-        viscous(
-            "cao", "Cao", "M2 section 2.2 and table 1", ("B0", "B1"), "(B0 + B1*pressure)", CAO
+    replace(
+        by_region(
+            viscous(
+                "cao", "Cao", "M2 section 2.2 and table 1", ("B0", "B1"), "(B0 + B1*pressure)", CAO
+            ),
+            {
+                f"{direction}_{pressure}": f"{moving}*{pressed}"
+                for direction, moving in DIRECTIONS.items()
+                for pressure, pressed in PRESSURES.items()
+            },
         ),
-        {
-            f"{direction}_{pressure}": f"{moving}*{pressed}"
-            for direction, moving in DIRECTIONS.items()
-            for pressure, pressed in PRESSURES.items()
-        },
+        constants_for=("pressure",),
     ),
 )
