@@ -62,7 +62,7 @@ def known_by_titles(table: Table) -> Known:
 def _why_unused(one: TitledColumn, has_clock: bool) -> str:
     """Return the reason why a column is no quantity of the study; empty if it may be a quantity."""
     if not one.values:
-        return "holds no numbers"
+        return one.unread or "holds no numbers"
     if not one.moves:
         return "never changes"
     if one.is_time and (turn := one.turn) and not has_clock:

@@ -43,6 +43,9 @@ class TitledColumn:
         The different texts in its cells; and for each file an array `(n,)` with the number of each
         cell's text, counted from 1. Both are empty for a column of numbers. `how` is the
         value of the key `texts` with which a spec reads the column.
+    unread
+        Why a column whose cells hold a number and a unit cannot be read, with the remedy; empty for
+        any other column.
     quantity
         The quantity that its title names; empty for none.
     plain
@@ -62,6 +65,7 @@ class TitledColumn:
     texts: Sequence[str] = ()
     numbered: Sequence[Array] = ()
     how: bool | str = True
+    unread: str = ""
 
     @property
     def kind(self) -> str:

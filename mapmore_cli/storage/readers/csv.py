@@ -279,9 +279,8 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
             settings["delimiter"] = words.get(delimiter) or str(delimiter)
         if decimal != ".":
             settings["decimal"] = decimal
-        if delimiter != decimal:
-            reads = partial(holds_number, decimal=decimal)
-            tops.append(Top(_cut_lines(lines, delimiter), reads, settings))
+        reads = partial(holds_number, decimal=decimal)
+        tops.append(Top(_cut_lines(lines, delimiter), reads, settings))
     return tops
 
 
