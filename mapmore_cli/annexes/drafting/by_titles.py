@@ -74,7 +74,8 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
         if has_clock:
             return "is a second clock"
         repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
-        return "repeats most of its values, unlike a clock" if repeats else "its clock is set back"
+        back = "runs backwards" if one.falls else "its clock is set back"
+        return "repeats most of its values, unlike a clock" if repeats else back
     if one.may_be_clock:
         unit = unit_of_clock(one.values)
         return f"always increases; if it is the clock, name it as `time={one.place}:{unit}`"

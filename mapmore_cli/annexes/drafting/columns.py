@@ -125,6 +125,13 @@ class TitledColumn:
         )
 
     @property
+    def falls(self) -> bool:
+        """Return True if the column would increase if the rows were read from the last to the first
+        one.
+        """
+        return replace(self, values=[one[::-1] for one in self.values]).rises
+
+    @property
     def turn(self) -> float:
         """Number at which the column repeatedly restarts from zero, for example 60 for the seconds
         of a clock; 0 if it does not.

@@ -116,7 +116,7 @@ def table_of(study: Study, folder: Path) -> Table:
         with suppress(DataError, SpecError):
             texts |= _read_texts(section, folder, column)
     table = read_titles(layout, raw, texts)
-    return table | {name: replace(table[name], unread=why) for name, why in unread.items()}
+    return {name: replace(one, unread=unread.get(name, "")) for name, one in table.items()}
 
 
 def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dict[Column, Texts]:

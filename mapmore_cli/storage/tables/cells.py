@@ -57,7 +57,7 @@ OF_MICROSOFT = re.compile(
 )
 """How Microsoft's C library writes infinity and NaN, for example `-1.#IND`."""
 
-_OF_FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+", re.ASCII)
+_OF_FORTRAN = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)[dD][+-]\d+", re.ASCII)
 """A number in double precision as Fortran writes it, for example `1.0D+03`."""
 _NARROW = re.compile(r"(?<=\d)[\u00a0\u202f](?=\d{3}(?!\d))")
 """A blank that never ends a line, before three digits of a number: it separates thousands."""
@@ -297,12 +297,13 @@ def stamp_of(text: str) -> tuple[str, float] | None:
     return None
 
 
-def holds_number(cell: object, decimal: str = ".") -> bool:
+def holds_number(cell: object, decimal: str = ".", thousands: str | None = None) -> bool:
     """Return True if a cell holds a number or a time stamp. Return False for other texts and for an
     empty cell.
     """
     text = str(cell).strip()
-    return bool(text) if number_of(cell, decimal) is not None else stamp_of(text) is not None
+    number = number_of(cell, decimal, thousands)
+    return bool(text) if number is not None else stamp_of(text) is not None
 
 
 def shortened(cell: str, limit: int = 40) -> str:
