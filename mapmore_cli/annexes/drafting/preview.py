@@ -89,10 +89,12 @@ def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Rea
     tables = reader.below(path, request)
     if len(tables) < 2:
         return layout
-    headers = [tuple(_titles_of(table)) for table in tables]
     mark = comment_among(path, layout) if layout.titles else None
-    if mark is not None and all(titles[0].startswith(mark) for titles in headers[1:]):
-        return layout  # the file has a single table, with comments between its rows
+    if mark is not None:
+        tables = reader.below(path, replace(request, comment=mark))
+        if len(tables) < 2:
+            return layout  # the file has a single table, with comments between its rows
+    headers = [tuple(_titles_of(table)) for table in tables]
     rows = Counter[tuple[str, ...]]()
     for header, table in zip(headers, tables, strict=True):
         rows[header] += len(table.rows)
@@ -108,6 +110,8 @@ def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Rea
     left = (f"table {at} ({', '.join(x)})" for at, x in enumerate(headers, start=1) if x != wanted)
     whole = found.layout(reader.name)
     whole.settings.pop("skip_rows", None)
+    if mark is not None:
+        whole.settings["comment"] = mark
     return replace(
         whole,
         tables=tuple(at for at, _ in alike),
