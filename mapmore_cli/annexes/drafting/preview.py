@@ -89,12 +89,17 @@ def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Rea
     tables = reader.below(path, request)
     if len(tables) < 2:
         return layout
+    headers = [tuple(_titles_of(table)) for table in tables]
     mark = comment_among(path, layout) if layout.titles else None
+    comments = [titles for titles in headers if mark is not None and titles[0].startswith(mark)]
+    if mark is not None and all(titles in comments for titles in headers[1:]):
+        return layout  # the file has a single table, with comments between its rows
+    # a line with a mark and several cells may hold the titles of another table
+    if any(len(titles) > 1 for titles in comments):
+        mark = None
     if mark is not None:
         tables = reader.below(path, replace(request, comment=mark))
-        if len(tables) < 2:
-            return layout  # the file has a single table, with comments between its rows
-    headers = [tuple(_titles_of(table)) for table in tables]
+        headers = [tuple(_titles_of(table)) for table in tables]
     rows = Counter[tuple[str, ...]]()
     for header, table in zip(headers, tables, strict=True):
         rows[header] += len(table.rows)
