@@ -44,8 +44,8 @@ class TitledColumn:
         cell's text, counted from 1. Both are empty for a column of numbers. `how` is the
         value of the key `texts` with which a spec reads the column.
     unread
-        Why a column whose cells hold a number and a unit cannot be read, with the remedy; empty for
-        any other column.
+        Why a column cannot be read whose cells hold a number with a unit, or a formula without a
+        value, with the remedy; empty for any other column.
     quantity
         The quantity that its title names; empty for none.
     plain

@@ -106,7 +106,8 @@ def table_of(study: Study, folder: Path) -> Table:
                 if isinstance(fault, NotANumber) and fault.known and place in layout.numeric:
                     raise
                 if isinstance(fault, NotANumber) and fault.known:
-                    is_measured = unit_of(fault.cell.lstrip(_OF_NUMBERS)) is not None
+                    is_formula = "formula" in fault.message  # never computed, or failed
+                    is_measured = is_formula or unit_of(fault.cell.lstrip(_OF_NUMBERS)) is not None
                     unread |= {column: f"{fault.message}; {fault.remedy}"} if is_measured else {}
                 last = fault
     if not raw:
