@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import PurePath
 from typing import Any
@@ -62,16 +62,8 @@ def unit_line(subject: Subject) -> Issues:
     """Find header lines whose units contradict the spec, for example kN below the name of a column
     that is read in N.
     """
-    known: set[str] = set()
-    for source in [*dict.fromkeys(one.source for one in subject.recordings)][:LOOKED_AT]:
-        if (top := _header(subject, source)) is not None:
-            names, *below = [list(map(str, row)) for row in top.rows] or [[]]
-            columns = _columns_of(subject.spec.data, source)
-            columns = {name: one for name, one in columns.items() if name not in known}
-            issues = _units_below(subject, columns, [name.strip() for name in names], below)
-            for name, issue in issues:
-                known.add(name)
-                yield issue
+    sources = [*dict.fromkeys(one.source for one in subject.recordings)][:LOOKED_AT]
+    yield from dict.fromkeys(issue for one in sources for issue in _units_below(subject, one))
 
 
 def _columns_of(data: Data, source: str) -> dict[str, SourceColumn]:
@@ -135,13 +127,11 @@ def _is_sample(row: Sequence[Any], top: Top) -> bool:
     return len(words) == 1 or words not in counts
 
 
-def _units_below(
-    subject: Subject,
-    columns: Mapping[str, SourceColumn],
-    names: list[str],
-    below: list[list[str]],
-) -> Iterator[tuple[str, Issue]]:
-    for name, column in columns.items():
+def _units_below(subject: Subject, source: str) -> Issues:
+    if (top := _header(subject, source)) is None:
+        return
+    names, *below = [[str(cell).strip() for cell in row] for row in top.rows] or [[]]
+    for name, column in _columns_of(subject.spec.data, source).items():
         place = (
             column.column
             if isinstance(column.column, int)
@@ -153,16 +143,13 @@ def _units_below(
         units = (unit_of(text, column.unit or subject.units[name]) for text in texts)
         unit = next((unit for unit in units if unit is not None), None)
         if declared := _contradicted(subject, name, column, unit):
-            yield (
-                name,
-                Issue(
-                    "warning",
-                    "unit-line",
-                    subject.source(name),
-                    f"column '{column.column}' is read in {declared}, but the line below its "
-                    f"name gives the unit {unit}",
-                    f'write `unit: "{unit}"`, or set `scale` if that line is wrong',
-                ),
+            yield Issue(
+                "warning",
+                "unit-line",
+                subject.source(name),
+                f"column '{column.column}' is read in {declared}, but the line below its "
+                f"name gives the unit {unit}",
+                f'write `unit: "{unit}"`, or set `scale` if that line is wrong',
             )
 
 
