@@ -65,15 +65,28 @@ _EVERYDAY: Mapping[str, tuple[str, Fraction]] = {
         },
         "length": {"m": "1", "cm": "0.01", "mm": "0.001", "um": "1e-6"},
         "time": {"s": "1", "ms": "0.001", "us": "1e-6", "ns": "1e-9", "min": "60", "h": "3600"},
-        "force": {"N": "1", "mN": "0.001", "kN": "1000"},
+        "force": {"N": "1", "mN": "0.001", "daN": "10", "kN": "1000"},
         "voltage": {"V": "1", "mV": "0.001"},
         "mass": {"kg": "1", "g": "0.001"},
-        "number": {"1": "1", "%": "0.01"},
+        "number": {"1": "1", "%": "0.01", "permille": "0.001"},
     }.items()
     for unit, factor in factors.items()
 }
 """Dimension of each common unit, and its factor relative to the first unit of that dimension."""
-_PRESSURES = ("Pa", "hPa", "kPa", "MPa", "mbar", "bar", "psi", "mmHg", "inHg", "mmH2O", "inH2O")
+_PRESSURES = (
+    "Pa",
+    "hPa",
+    "kPa",
+    "MPa",
+    "mbar",
+    "bar",
+    "psi",
+    "mmHg",
+    "inHg",
+    "mmH2O",
+    "cmH2O",
+    "inH2O",
+)
 _ABSOLUTE = {unit: f"{unit}_abs" if unit.endswith("Pa") else f"{unit}a" for unit in _PRESSURES}
 """Names of units of absolute pressure. `kPaa` is not among them, because it is more likely a typing
 error.
@@ -90,7 +103,7 @@ _COMMON = [
 _KNOWN = {
     *_COMMON,
     *_ABSOLUTE.values(),
-    *("lb", "N*mm", "degF", "deg", "rad", "rpm", "Hz", "A", "mA", "ohm", "W"),
+    *("lb", "N*mm", "degF", "deg", "mdeg", "rad", "mrad", "rpm", "Hz", "A", "mA", "ohm", "W"),
 }
 _SPELLINGS = {
     spelling: unit
@@ -100,12 +113,15 @@ _SPELLINGS = {
         "min": "minute, minutes",
         "h": "hr, hrs, hour, hours",
         "%": "pct, perc, percent",
+        "permille": "‰",
         "1": "-, frac, fraction, ratio",
         "N": "newton, newtons",
         "lbf": "lbs",
+        "kgf": "kp",
         "g": "gram, grams",
         "kg": "kilogram, kilograms",
         "um": "µm, μm",
+        "in": "inch, inches",
         "N*m": "N m, N.m, N-m",
         "degC": "°c, deg c, celsius",
         "degF": "°f, deg f, fahrenheit",
@@ -113,6 +129,7 @@ _SPELLINGS = {
         "rad": "radian, radians",
         "V": "volt, volts",
         "ohm": "Ω",
+        "rpm": "u/min, r/min",
     }.items()
     for spelling in spellings.split(", ")
 }

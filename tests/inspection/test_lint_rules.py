@@ -581,6 +581,25 @@ def test_a_line_of_units_is_read(tmp_path):
     assert found(with_unit_line(tmp_path, "s,kPa,-,N")) == set()
 
 
+def test_units_of_single_files_agree_with_their_own_lines(tmp_path):
+    with_unit_line(tmp_path, "s,kPa,-,N")
+    first, *_, last = sorted(tmp_path.glob("level_*.csv"))
+    for path in (first, last):
+        path.write_text(path.read_text().replace("kPa", "bar"))
+    own = {"columns": {"pressure": {**SPEC["data"]["columns"]["pressure"], "unit": "bar"}}}
+
+    def messages(*named):
+        paths = sorted(path.name for path in tmp_path.glob("level_*.csv"))
+        files = [{"path": one, **own} if tmp_path / one in named else one for one in paths]
+        spec = merged(SPEC, {"data": {"header": 2, "files": files}})
+        (tmp_path / "clean.yaml").write_text(dump(spec))
+        issues = inspect(load(tmp_path / "clean.yaml")).issues
+        return [one.message for one in issues if one.id == "unit-line"]
+
+    assert messages(first, last) == []
+    assert len(messages(first)) == len(messages(last)) == len(messages()) == 1
+
+
 def test_a_run_that_is_compared_with_is_checked(tmp_path):
     """Its own units, on the same recordings: a strain in per cent read as a fraction."""
     wrong = merged(SPEC, {"name": "wrong", "data": {"columns": {"strain": {"scale": 100}}}})

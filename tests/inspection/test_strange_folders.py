@@ -242,6 +242,84 @@ def test_rows_without_a_clock_are_asked_for_their_step(tmp_path, said):
     assert any("--sample-time 10ms" in tip for tip in tips) == (not said)
 
 
+def test_a_clock_that_runs_backwards_is_named_instead_of_a_sample_time(tmp_path):
+    u = 50 + 40 * np.sin(T[:600])
+    write(tmp_path / "a.csv", (T[599::-1], u, np.roll(u, 3)), "t [s],p [kPa],angle [deg]\n")
+    (tip,) = drafted(tmp_path, answers=answers_of(target="angle")).tips
+    assert tip.startswith("t [s] runs backwards")
+    assert "sort the rows" in tip
+
+
+def lines_of_levels(line, bars=(1.0, 2.0, 3.0)):
+    """The lines of recordings at these pressures, made by `line(bar, strain, force)`."""
+    return [[line(bar, x, force(bar, x)) for x in THERE_AND_BACK] for bar in bars]
+
+
+@pytest.mark.parametrize("mark", [" ", "\u00a0", "\u202f", "'", "."])
+def test_separators_of_thousands_are_read_as_such(tmp_path, mark):
+    def line(bar, strain, force):
+        cells = (f"{x:,.2f}" for x in (1000 * bar, 100 * strain, 1000 * force))
+        return ";".join(x.replace(".", ";").replace(",", mark).replace(";", ",") for x in cells)
+
+    for at, lines in enumerate(lines_of_levels(line)):
+        text = "\n".join(["pressure [mbar];strain [%];force [mN]", *lines])
+        (tmp_path / f"a{at}.csv").write_text(text + "\n", encoding="utf-8")
+    draft = drafted(tmp_path)
+    columns = draft.data["columns"]
+    assert [columns[name]["unit"] for name in ("pressure", "strain", "force")] == [
+        "mbar",
+        "%",
+        "mN",
+    ]
+    assert [np.max(draft.raw["pressure [mbar]"][at]) for at in range(3)] == [1000, 2000, 3000]
+
+
+def test_quoted_numbers_may_have_the_comma_that_separates_the_columns(tmp_path):
+    def line(*cells):
+        return ",".join(f'"{x:.3f}"'.replace(".", ",") for x in cells)
+
+    (lines,) = lines_of_levels(line, (2.0,))
+    (tmp_path / "a.csv").write_text("\n".join(["p [bar],strain,F [N]", *lines]) + "\n")
+    layout = preview(tmp_path / "a.csv")
+    assert (layout.settings, layout.numeric) == ({"decimal": ","}, (0, 1, 2))
+
+
+def test_a_column_whose_cells_hold_units_is_marked_if_it_is_left_out(tmp_path):
+    (lines,) = lines_of_levels(lambda p, x, f: f"{p + x:.3f},{100 * x:.2f}%,{f:.3f},N", (2.0,))
+    (tmp_path / "a.csv").write_text("\n".join(["p [bar],strain,F [N],flag", *lines]) + "\n")
+    note = drafted(tmp_path).notes["data", "columns"]
+    assert not note.sure
+    assert "'0.00%' is not a number: it is followed by a unit; remove the unit" in note.why
+
+
+def test_a_table_of_cells_with_units_is_refused_with_the_reason(tmp_path):
+    (lines,) = lines_of_levels(lambda p, x, f: f"{p} bar,{x:.3f} m,{f:.3f} N", (2.0,))
+    (tmp_path / "a.csv").write_text("\n".join(["p,x,F", *lines]) + "\n")
+    with pytest.raises(
+        DataError, match=r"because '2\.0 bar' is not a number: it is followed by a u"
+    ):
+        preview(tmp_path / "a.csv")
+
+
+def test_joined_files_with_comments_are_several_tables_with_titles(tmp_path):
+    tables = lines_of_levels(lambda p, x, f: f"{p:.3f},{x:.4f},{f:.3f}")
+    parts = ["\n".join(["p [bar],strain,F [N]", *one[:50], "# note", *one[50:]]) for one in tables]
+    text = "".join(f"\ufeff{part}\n" for part in parts)
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    layout = preview(tmp_path / "a.csv")
+    assert layout.tables == (1, 2, 3)
+    assert (layout.titles, layout.settings) == (("p [bar]", "strain", "F [N]"), {"comment": "#"})
+
+
+def test_a_line_of_settings_above_the_titles_has_no_titles(tmp_path):
+    (lines,) = lines_of_levels(lambda p, x, f: f"{p},{x:.3f},{f:.3f},0", (2.0,))
+    head = ["gain,2 mV/V,full scale,500 N", "p [bar],strain,F [mV/V],x"]
+    (tmp_path / "a.csv").write_text("\n".join([*head, *lines]) + "\n")
+    layout = preview(tmp_path / "a.csv")
+    assert layout.titles == ("p [bar]", "strain", "F [mV/V]", "x")
+    assert layout.settings == {"skip_rows": 1}
+
+
 def test_only_files_of_equal_size_are_compared(tmp_path, monkeypatch):
     for name, text in (("a", ""), ("b", ""), ("long", "12"), ("x", "3"), ("y", "4")):
         (tmp_path / name).write_text(text)

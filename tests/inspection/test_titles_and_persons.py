@@ -213,6 +213,11 @@ def test_names_tell_what_varies(names, hold, told):
         ("T1 [degC]", "T1", "degC"),
         *(("vel_mm/s", "vel", "mm/s"), ("v m/s", "v", "m/s"), ("k_N/mm", "k", "N/mm")),
         *(("Zeit t/s", "Zeit_t", "s"), ("Kraft F/N", "Kraft_F", "N"), ("a l/min", "a_l", "")),
+        *(
+            ("a in m/s²", "a", "m/s^2"),
+            ("sigma N/mm2", "sigma", "N/mm^2"),
+            ("p in kPa", "p", "kPa"),
+        ),
         *(("force/%Fmax", "force_Fmax", "%"), ("v at 50 %", "v_at_50", "")),
         *(
             ("millis", "millis", "ms"),

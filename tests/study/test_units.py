@@ -85,6 +85,12 @@ us       s      1e-06
 kN       N      1000
 lbf      N      4.4482216152605
 kgf      N      9.80665
+kp       N      9.80665
+daN      N      10
+‰        %      0.1
+mdeg     deg    0.001
+cmH2O    Pa     98.0665
+inches   mm     25.4
 mV       V      0.001
 %        1      0.01
 1        %      100
@@ -152,6 +158,9 @@ kPag            kPa  kPa
 lbs             -    lbf
 kg              -    kg
 kg              N    kgf
+x (‰)           -    permille
+n [U/min]       -    rpm
+Force [daN]     N    daN
 g               kPa  none
 mm              kPa  none
 P_kPa_A         -    none

@@ -62,7 +62,7 @@ def known_by_titles(table: Table) -> Known:
 def _why_unused(one: TitledColumn, has_clock: bool) -> str:
     """Return the reason why a column is no quantity of the study; empty if it may be a quantity."""
     if not one.values:
-        return "holds no numbers"
+        return one.unread or "holds no numbers"
     if not one.moves:
         return "never changes"
     if one.is_time and (turn := one.turn) and not has_clock:
@@ -74,7 +74,8 @@ def _why_unused(one: TitledColumn, has_clock: bool) -> str:
         if has_clock:
             return "is a second clock"
         repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
-        return "repeats most of its values, unlike a clock" if repeats else "its clock is set back"
+        back = "runs backwards" if one.falls else "its clock is set back"
+        return "repeats most of its values, unlike a clock" if repeats else back
     if one.may_be_clock:
         unit = unit_of_clock(one.values)
         return f"always increases; if it is the clock, name it as `time={one.place}:{unit}`"

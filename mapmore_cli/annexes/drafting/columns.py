@@ -43,6 +43,9 @@ class TitledColumn:
         The different texts in its cells; and for each file an array `(n,)` with the number of each
         cell's text, counted from 1. Both are empty for a column of numbers. `how` is the
         value of the key `texts` with which a spec reads the column.
+    unread
+        Why a column cannot be read whose cells hold a number with a unit, or a formula without a
+        value, with the remedy; empty for any other column.
     quantity
         The quantity that its title names; empty for none.
     plain
@@ -62,6 +65,7 @@ class TitledColumn:
     texts: Sequence[str] = ()
     numbered: Sequence[Array] = ()
     how: bool | str = True
+    unread: str = ""
 
     @property
     def kind(self) -> str:
@@ -119,6 +123,13 @@ class TitledColumn:
             and 2 * np.count_nonzero(np.diff(one)) >= len(one) - 1
             for one in self.values
         )
+
+    @property
+    def falls(self) -> bool:
+        """Return True if the column would increase if the rows were read from the last to the first
+        one.
+        """
+        return replace(self, values=[one[::-1] for one in self.values]).rises
 
     @property
     def turn(self) -> float:

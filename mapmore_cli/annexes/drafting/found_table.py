@@ -21,6 +21,7 @@ from mapmore_cli.annexes.drafting.rows import (
 from mapmore_cli.storage.tables import Top
 from mapmore_cli.storage.tables.below import MAP_COLUMNS, names_its_line
 from mapmore_cli.storage.tables.cells import stamp_of
+from mapmore_cli.study.units import is_quantity
 
 REMARKS = ("#", "%", "//", "!")  # beginnings of lines that are remarks instead of data
 
@@ -178,14 +179,16 @@ class FoundTable:
         other line.
 
         If several lines fulfil this, lines that are no remarks are preferred. Among them, the line
-        with the largest number of different texts is returned and, among equals, the first. If all
+        with the largest number of different texts is returned (a number with a unit, as in a line
+        of settings, is no such text) and, among equals, the first. If all
         of the lines are remarks, the line with the largest number of different texts is returned
         and, among equals, the last.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:
             is_remark = str(self.rows[line][0]).strip().startswith(REMARKS)
-            texts = {cell for cell in nonempty(lines[line]) if not self.top.is_number(cell)}
+            cells = nonempty(lines[line])
+            texts = {one for one in cells if not self.top.is_number(one) and not is_quantity(one)}
             return not is_remark, len(texts), line if is_remark else -line
 
         names = {

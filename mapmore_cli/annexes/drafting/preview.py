@@ -13,8 +13,9 @@ from mapmore_cli.annexes.drafting.layout import Layout
 from mapmore_cli.annexes.drafting.rows import nonempty
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
-from mapmore_cli.storage.tables import Reader, TableRequest
+from mapmore_cli.storage.tables import Reader, TableRequest, Top
 from mapmore_cli.storage.tables.below import Below
+from mapmore_cli.storage.tables.cells import CellReader, NotANumber
 
 WIDEST = 2000  # largest number of columns that `init` reads
 
@@ -47,7 +48,7 @@ def preview(path: Path) -> Layout:
     if not tables:
         lines = f" in its first {len(tops[0].rows)} lines" if tops and tops[0].rows else ""
         raise DataError(
-            f"{path.name}: no table of numbers was found{lines}",
+            f"{path.name}: no table of numbers was found{lines}{_why_no_numbers(tops)}",
             f"save the table as CSV, or {remedy}",
         )
     best = max(tables, key=lambda table: table.rank)
@@ -57,6 +58,21 @@ def preview(path: Path) -> Layout:
         layout = _of_all_sheets(best.top.sheet, layouts, [top.sheet for top in tops])
     is_single = layout.alike or layout.is_map
     return layout if is_single else _with_tables_below(path, best, layout, reader)
+
+
+def _why_no_numbers(tops: Sequence[Top]) -> str:
+    """Return the reason why a cell in the middle of the first lines is no number, for a message;
+    empty if all of these cells are numbers or words.
+    """
+    for top in (one for one in tops if one.rows):
+        row = top.rows[len(top.rows) // 2]
+        for cell in row if len(row) > 1 else ():
+            try:
+                CellReader(clock=True)(cell)
+            except NotANumber as fault:
+                if fault.known:
+                    return f", because {fault.message}; {fault.remedy}"
+    return ""
 
 
 def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Reader) -> Layout:
@@ -75,8 +91,15 @@ def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Rea
         return layout
     headers = [tuple(_titles_of(table)) for table in tables]
     mark = comment_among(path, layout) if layout.titles else None
-    if mark is not None and all(titles[0].startswith(mark) for titles in headers[1:]):
+    comments = [titles for titles in headers if mark is not None and titles[0].startswith(mark)]
+    if mark is not None and all(titles in comments for titles in headers[1:]):
         return layout  # the file has a single table, with comments between its rows
+    # a line with a mark and several cells may hold the titles of another table
+    if any(len(titles) > 1 for titles in comments):
+        mark = None
+    if mark is not None:
+        tables = reader.below(path, replace(request, comment=mark))
+        headers = [tuple(_titles_of(table)) for table in tables]
     rows = Counter[tuple[str, ...]]()
     for header, table in zip(headers, tables, strict=True):
         rows[header] += len(table.rows)
@@ -92,6 +115,8 @@ def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Rea
     left = (f"table {at} ({', '.join(x)})" for at, x in enumerate(headers, start=1) if x != wanted)
     whole = found.layout(reader.name)
     whole.settings.pop("skip_rows", None)
+    if mark is not None:
+        whole.settings["comment"] = mark
     return replace(
         whole,
         tables=tuple(at for at, _ in alike),

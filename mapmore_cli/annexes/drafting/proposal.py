@@ -198,10 +198,16 @@ class _Proposal:
         has_clock = "time" in draft.data["columns"] or self.study.layout.is_map
         keys = {"sample_time", "levels"}
         if not (has_clock or answers.no_clock) and keys.isdisjoint(draft.data) and rows >= FEWEST:
+            back = next(
+                (one.called for one in self.table.values() if one.is_time and one.falls), ""
+            )
+            runs = f"{back} runs backwards, so it is not used as the clock; if the model may have"
             yield (
-                "no column is a clock, so the order of the rows is not used; if the time from row "
-                "to row is constant, write it, for example `--sample-time 10ms`, so that the model "
-                "may have memory; otherwise write `--no-clock`"
+                f"{runs} memory, sort the rows by time; otherwise write `--no-clock`"
+                if back
+                else "no column is a clock, so the order of the rows is not used; if the time from "
+                "row to row is constant, write it, for example `--sample-time 10ms`, so that the "
+                "model may have memory; otherwise write `--no-clock`"
             )
 
 

@@ -34,13 +34,14 @@ from mapmore_cli.ingestion.reading import read_tables
 from mapmore_cli.ingestion.samples import Samples
 from mapmore_cli.storage.tables.cells import NotANumber
 from mapmore_cli.study.sections.data import Data
-from mapmore_cli.study.units import default_unit
+from mapmore_cli.study.units import default_unit, unit_of
 
 MOST_FILES = 5  # largest number of files from which the columns are found
 MOST_SHOWN = 12  # largest number of columns that are named in one line
 # largest number of different words that may stand for missing numbers; a column that holds more
 # different words is a column of words
 MOST_WORDS = 3
+_OF_NUMBERS = "+-.,0123456789 "
 
 T = TypeVar("T")
 
@@ -93,6 +94,7 @@ def table_of(study: Study, folder: Path) -> Table:
     layout, section = study.layout, started(study.of_layout, folder).data
     remedy = "a recording needs at least one column of numbers: leave the file out, or correct it"
     last = DataError(f"{study.files[0].name}: no column has numbers", remedy)
+    unread: dict[Column, str] = {}
     try:
         raw = _read_columns(section, folder, layout.columns)
     except DataError:
@@ -103,6 +105,10 @@ def table_of(study: Study, folder: Path) -> Table:
             except DataError as fault:
                 if isinstance(fault, NotANumber) and fault.known and place in layout.numeric:
                     raise
+                if isinstance(fault, NotANumber) and fault.known:
+                    is_formula = "formula" in fault.message  # never computed, or failed
+                    is_measured = is_formula or unit_of(fault.cell.lstrip(_OF_NUMBERS)) is not None
+                    unread |= {column: f"{fault.message}; {fault.remedy}"} if is_measured else {}
                 last = fault
     if not raw:
         raise last
@@ -110,7 +116,8 @@ def table_of(study: Study, folder: Path) -> Table:
     for column in [one for one in layout.columns if one not in raw]:
         with suppress(DataError, SpecError):
             texts |= _read_texts(section, folder, column)
-    return read_titles(layout, raw, texts)
+    table = read_titles(layout, raw, texts)
+    return {name: replace(one, unread=unread.get(name, "")) for name, one in table.items()}
 
 
 def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dict[Column, Texts]:

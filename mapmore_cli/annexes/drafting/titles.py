@@ -14,7 +14,9 @@ HALF_WIDTH = str.maketrans("（）［］／％", "()[]/%")
 _BEHIND = re.compile(r"(?:[_,/]|\bin)\s*(?!\d+$)([^\s_,/]+)$")
 # the unit of a rate or of a stiffness, which is no time and no length, even if it is unknown, as
 # `l/min` is; other words before a stroke are symbols with their unit, for example `t/s` and `F/N`
-_RATIO = re.compile(r"[\s_,](?!t/)([^\W\d_]+/(?:s|min|h)|N/m+)$")
+_RATIO = re.compile(
+    r"(?:\bin\s+|[\s_,])(?!t/)([^\W\d_]+/(?:s|min|h|(?:s|m+)(?:\^?[23]|[²³]))|N/m+)$"
+)
 _SHARE = re.compile(r"(?<!\d)(?<!\d )%")
 
 

@@ -25,7 +25,8 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
     others = {*known.targets} - {target}
     columns = {name: one for name, one in known.columns.items() if name not in others}
     entries = {name: one.as_spec() for name, one in columns.items()}
-    draft = draft.with_data("columns", entries, f"left out: {left}" if left else None)
+    is_sure = not any(one.unread for column, one in table.items() if column not in used)
+    draft = draft.with_data("columns", entries, f"left out: {left}" if left else None, is_sure)
     units = {
         name: "kPa" if can_convert(one.unit, "kPa") else one.unit
         for name, one in columns.items()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import PurePath
 from typing import Any
 
 from mapmore_cli.checking.names import read_label
@@ -11,7 +12,8 @@ from mapmore_cli.checking.rules import Issue, Issues, Subject
 from mapmore_cli.storage.readers import READERS
 from mapmore_cli.storage.tables import Top
 from mapmore_cli.storage.tables.cells import shortened
-from mapmore_cli.study.sections.logs import FileEntry
+from mapmore_cli.study.sections.data import Data
+from mapmore_cli.study.sections.logs import FileEntry, SourceColumn
 from mapmore_cli.study.units import can_convert, convert, default_unit, is_same, unit_of
 
 
@@ -44,7 +46,7 @@ def unit_in_the_name(subject: Subject) -> Issues:
             label is not None
             and label.quantity == name
             and (column.unit, label.unit) != ("1", "%")
-            and (declared := _contradicted(subject, name, label.unit))
+            and (declared := _contradicted(subject, name, column, label.unit))
         ):
             yield Issue(
                 "warning",
@@ -60,9 +62,15 @@ def unit_line(subject: Subject) -> Issues:
     """Find header lines whose units contradict the spec, for example kN below the name of a column
     that is read in N.
     """
-    if subject.recordings and (top := _header(subject, subject.recordings[0].source)) is not None:
-        names, *below = [list(map(str, row)) for row in top.rows] or [[]]
-        yield from _units_below(subject, [name.strip() for name in names], below)
+    sources = [*dict.fromkeys(one.source for one in subject.recordings)][:LOOKED_AT]
+    yield from dict.fromkeys(issue for one in sources for issue in _units_below(subject, one))
+
+
+def _columns_of(data: Data, source: str) -> dict[str, SourceColumn]:
+    """Return the columns of a file, with the names and units that are given for this file only."""
+    entries = (one for one in data.files if isinstance(one, FileEntry))
+    own = (one.columns for one in entries if PurePath(source).match(one.path))
+    return {**data.columns, **{name: one for columns in own for name, one in columns.items()}}
 
 
 def _header(subject: Subject, source: str) -> Top | None:
@@ -119,8 +127,11 @@ def _is_sample(row: Sequence[Any], top: Top) -> bool:
     return len(words) == 1 or words not in counts
 
 
-def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> Issues:
-    for name, column in subject.spec.data.columns.items():
+def _units_below(subject: Subject, source: str) -> Issues:
+    if (top := _header(subject, source)) is None:
+        return
+    names, *below = [[str(cell).strip() for cell in row] for row in top.rows] or [[]]
+    for name, column in _columns_of(subject.spec.data, source).items():
         place = (
             column.column
             if isinstance(column.column, int)
@@ -131,7 +142,7 @@ def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> 
         texts = [row[place] for row in below if place is not None and place < len(row)]
         units = (unit_of(text, column.unit or subject.units[name]) for text in texts)
         unit = next((unit for unit in units if unit is not None), None)
-        if declared := _contradicted(subject, name, unit):
+        if declared := _contradicted(subject, name, column, unit):
             yield Issue(
                 "warning",
                 "unit-line",
@@ -142,12 +153,11 @@ def _units_below(subject: Subject, names: list[str], below: list[list[str]]) -> 
             )
 
 
-def _contradicted(subject: Subject, name: str, unit_told: str | None) -> str:
+def _contradicted(subject: Subject, name: str, column: SourceColumn, unit_told: str | None) -> str:
     """Return the unit in which the spec reads a column, if the unit in the file (`unit_told`)
     contradicts it. Return an empty text if there is no contradiction, or if the column has a
     `scale`.
     """
-    column = subject.spec.data.columns[name]
     declared = column.unit or default_unit(name, subject.spec.units)
     if unit_told is None or column.scale != 1.0:
         return ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from io import BufferedReader
@@ -52,8 +52,10 @@ DELIMITERS = {"tab": "\t"}
 # number of rows in which tables that stand side by side are searched
 FIRST_ROWS = 200
 
-_WORDS = re.compile(r"[\s\"']*[^\W\d_]|[\s\"']*[#\[({]")
+_WORDS = re.compile(r"[\s\"'\ufeff]*([^\W\d_]|[#\[({])")
 """Pattern of the beginning of a line of words."""
+_GROUPED = re.compile(r"(?<=\d)(?:[ '’](?=\d{3}(?!\d))|[.,](?=\d{3}[.,]\d))")
+_QUOTED_COMMA = re.compile(r'"[+-]?\d+,\d+"')
 
 
 def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
@@ -168,9 +170,13 @@ def _rows_of(lines: Lines, request: TableRequest) -> tuple[Layout, Iterable[Row]
         layout, leading, records = _begin(lines, request)
         return layout, chain(leading, records)
     records, delimiter = _records_of(lines, request)
-    is_number = partial(holds_number, decimal=request.decimal)
-    found = chosen_table((one for one in records if one[1]), request, is_number)
+    found = chosen_table((one for one in records if one[1]), request, _numbers_of(request))
     return _layout([*(found.header or found.rows)[0][1]], request, delimiter), found.rows
+
+
+def _numbers_of(request: TableRequest) -> Callable[[object], bool]:
+    """Return the function that says whether a cell holds a number."""
+    return partial(holds_number, decimal=request.decimal, thousands=request.thousands)
 
 
 def below_csv(path: Path, request: TableRequest) -> list[Below]:
@@ -189,10 +195,9 @@ def below_csv(path: Path, request: TableRequest) -> list[Below]:
                 begun = begun or not is_words
         with open_lines(path, request.encoding, request.label, errors="replace") as (lines, _):
             records, _ = _records_of(lines, request)
-            is_number = partial(holds_number, decimal=request.decimal)
             filled = (record for record in records if record[1])
             some = filled if broken else islice(filled, FIRST_ROWS)
-            return tables_below(some, request.header, is_number)
+            return tables_below(some, request.header, _numbers_of(request))
 
 
 def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iterator[Numbered]:
@@ -208,7 +213,10 @@ def _records(lines: Lines, delimiter: str | None, request: TableRequest) -> Iter
 
 
 def _without_comments(lines: Iterable[str], mark: str | None) -> Iterable[str]:
-    """Replace each line that is a comment by a blank line, so that line numbers do not change."""
+    """Replace each line that is a comment by a blank line, so that line numbers do not change. A
+    byte-order mark at the beginning of a line is removed: it is there if texts were joined.
+    """
+    lines = (line.removeprefix("\ufeff") for line in lines)
     if mark is None:
         return lines
     return ("\n" if line.lstrip().startswith(mark) else line for line in lines)
@@ -262,7 +270,8 @@ def _open_end(lines: Lines, request: TableRequest) -> OpenEnd | None:
 def peek_csv(path: Path, most: int) -> Iterable[Top]:
     """Return the first lines of a text file, split into fields in several ways: once for each usual
     pair of delimiter and decimal mark. For each delimiter, the decimal point comes before the
-    decimal comma.
+    decimal comma. A comma is both only if there are quoted numbers with commas. The same pairs
+    follow with each mark that seems to separate thousands.
     """
     with reading(path.name, "text file", UNREADABLE):
         encoding = guess_encoding(path)
@@ -272,15 +281,22 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
         if "\0" in line:
             raise with_nul(path.name, row)
     tops = []
-    for delimiter, decimal in product((",", ";", "\t", "|", None), (".", ",")):
+    is_quoted = any(_QUOTED_COMMA.search(line) for line in lines)
+    marks = sorted({mark for line in lines for mark in _GROUPED.findall(line)})
+    for thousands, delimiter, decimal in product(
+        (None, *marks), (",", ";", "\t", "|", None), (".", ",")
+    ):
         settings = {} if encoding == "utf-8" else {"encoding": encoding}
         if delimiter != ",":
             words = {"\t": "tab", None: WHITESPACE}
             settings["delimiter"] = words.get(delimiter) or str(delimiter)
         if decimal != ".":
             settings["decimal"] = decimal
-        if delimiter != decimal:
-            reads = partial(holds_number, decimal=decimal)
+        if thousands is not None:
+            settings["thousands"] = thousands
+        others = (decimal, delimiter or " ")
+        if (delimiter != decimal or is_quoted) and thousands not in others:
+            reads = partial(holds_number, decimal=decimal, thousands=thousands)
             tops.append(Top(_cut_lines(lines, delimiter), reads, settings))
     return tops
 

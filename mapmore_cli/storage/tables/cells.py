@@ -57,6 +57,11 @@ OF_MICROSOFT = re.compile(
 )
 """How Microsoft's C library writes infinity and NaN, for example `-1.#IND`."""
 
+_OF_FORTRAN = re.compile(r"[+-]?(?:\d+\.\d*|\.\d+)[dD][+-]\d+", re.ASCII)
+"""A number in double precision as Fortran writes it, for example `1.0D+03`."""
+_NARROW = re.compile(r"(?<=\d)[\u00a0\u202f](?=\d{3}(?!\d))")
+"""A blank that never ends a line, before three digits of a number: it separates thousands."""
+
 _SECONDS = {"d": 86400, "h": 3600, "m": 60, "s": 1}
 
 _KINDS = (
@@ -130,6 +135,8 @@ def number_of(cell: object, decimal: str = ".", thousands: str | None = None) ->
     """
     if isinstance(cell, str):
         cell = cell.strip()
+        if not cell.isascii():
+            cell = _NARROW.sub("", cell)
         if thousands is not None:
             groups = (
                 rf"[+-]?\d{{1,3}}(?:{re.escape(thousands)}\d{{3}})+(?:{re.escape(decimal)}\d*)?"
@@ -148,6 +155,8 @@ def number_of(cell: object, decimal: str = ".", thousands: str | None = None) ->
     try:
         return float(cell)
     except (ValueError, OverflowError):
+        if _OF_FORTRAN.fullmatch(str(cell)):
+            return float(str(cell).lower().replace("d", "e"))
         written = OF_MICROSOFT.fullmatch(str(cell))
         if written is None:
             return None
@@ -288,12 +297,13 @@ def stamp_of(text: str) -> tuple[str, float] | None:
     return None
 
 
-def holds_number(cell: object, decimal: str = ".") -> bool:
+def holds_number(cell: object, decimal: str = ".", thousands: str | None = None) -> bool:
     """Return True if a cell holds a number or a time stamp. Return False for other texts and for an
     empty cell.
     """
     text = str(cell).strip()
-    return bool(text) if number_of(cell, decimal) is not None else stamp_of(text) is not None
+    number = number_of(cell, decimal, thousands)
+    return bool(text) if number is not None else stamp_of(text) is not None
 
 
 def shortened(cell: str, limit: int = 40) -> str:

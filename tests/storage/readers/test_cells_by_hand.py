@@ -32,6 +32,8 @@ from mapmore_cli.storage.tables.thousands import may_be_grouped, refuse_grouped
         *(("1.#QNAN", math.nan), ("nan(snan)", math.nan), ("nan(ind)", math.nan)),
         *(("", math.nan), (None, math.nan), (np.datetime64("NaT", "s"), math.nan)),
         *(("1_5", None), ("\uff11", None), (True, None), (10**400, None), ("1.#X", None)),
+        *(("-1.5D+02", -150.0), (".5d-1", 0.05), ("1d5", None), ("1.5D2", None)),
+        *(("1\u202f234.5", 1234.5), ("1\u00a0234\u00a0567", 1234567.0), ("1\u00a023", None)),
     ],
 )
 def test_what_a_cell_is(cell, number):
