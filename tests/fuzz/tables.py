@@ -84,7 +84,11 @@ def said(cell, decimal=".", thousands=""):
     """The number in a cell, NaN where it says that there is none, and None where it is no number at
     all.
     """
-    text, whole = cell.strip(), "[0-9]+"
+    # a blank that does not end a line, before three digits, separates thousands in every country
+    text, whole = (
+        re.sub("(?<=[0-9])[\u00a0\u202f](?=[0-9]{3}(?![0-9]))", "", cell.strip()),
+        "[0-9]+",
+    )
     if text.lower() in NOTHING:
         return math.nan
     if INFINITE.fullmatch(text):

@@ -212,7 +212,7 @@ def test_files_of_an_export_are_written_into_a_folder(echo, tmp_path, monkeypatc
 
     def export(model, to, warn, **options):
         asked.append((model, to, options))
-        return {"m.c": "int", "m.h": b"\x00"}
+        return {"m.c": b"int", "m.h": b"\x00"}
 
     monkeypatch.setattr(notebooks.plugins, "load", lambda *_: export)
     folder = tmp_path / "new" / "folder"
