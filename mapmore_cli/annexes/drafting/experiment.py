@@ -42,9 +42,9 @@ class Held:
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is known about an experiment: the recordings of a study, the names of its inputs and its
-    target, the quantity that was held constant, the values in names of files (`conditions`), and
-    the quantities that distinguish the recordings of one file (`apart`).
+    """Description of an experiment: its recordings, the names of its inputs and of its target, the
+    quantity that was held constant, the values in names of files (`conditions`), and the quantities
+    that distinguish the recordings of one file (`apart`).
     """
 
     recordings: Sequence[Recording]

@@ -174,15 +174,14 @@ class FoundTable:
         return lines
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
-        """Return the index of the line of titles; None if there is none. The line contains titles
-        of at least half of the columns of numbers, and is no line of units, except if there is no
-        other line.
+        """Return the index of the line that holds the titles of the columns. Return None if no line
+        has titles of at least half of the columns of numbers. A line of units is returned only if
+        there is no other line.
 
-        If several lines fulfil this, lines that are no remarks are preferred. Among them, the line
-        with the largest number of different texts is returned (a number with a unit, as in a line
-        of settings, is no such text) and, among equals, the first. If all
-        of the lines are remarks, the line with the largest number of different texts is returned
-        and, among equals, the last.
+        If several lines have titles, lines that are no remarks are preferred. Among them, the line
+        with the largest number of different texts is returned. (A number with a unit, as in a line
+        of settings, is not counted as a text.) If several lines have equally many texts, the first
+        of them is returned. If all lines are remarks, the last of them is returned instead.
         """
 
         def rank(line: int) -> tuple[bool, int, int]:

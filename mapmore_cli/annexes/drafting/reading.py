@@ -42,6 +42,7 @@ MOST_SHOWN = 12  # largest number of columns that are named in one line
 # different words is a column of words
 MOST_WORDS = 3
 _OF_NUMBERS = "+-.,0123456789 "
+_OF_FORMULAS = ("#", "err:")  # beginnings of the errors that a formula leaves in its cell
 
 T = TypeVar("T")
 
@@ -106,9 +107,10 @@ def table_of(study: Study, folder: Path) -> Table:
                 if isinstance(fault, NotANumber) and fault.known and place in layout.numeric:
                     raise
                 if isinstance(fault, NotANumber) and fault.known:
-                    is_formula = "formula" in fault.message  # never computed, or failed
-                    is_measured = is_formula or unit_of(fault.cell.lstrip(_OF_NUMBERS)) is not None
-                    unread |= {column: f"{fault.message}; {fault.remedy}"} if is_measured else {}
+                    # a cell without a text lacks its number, for example a formula never computed
+                    is_formula = not fault.cell or fault.cell.lower().startswith(_OF_FORMULAS)
+                    if is_formula or unit_of(fault.cell.lstrip(_OF_NUMBERS)) is not None:
+                        unread[column] = f"{fault.message}; {fault.remedy}"
                 last = fault
     if not raw:
         raise last

@@ -64,7 +64,9 @@ class LvmSegment:
         return self.of_channel("Decimal_Separator") or "."
 
     def number(self, keyword: str, channel: int = 0) -> float:
-        """Return the number in the header with this keyword for a channel; 0 if there is none."""
+        """Return the number that stands behind `keyword` in the header, for the given channel.
+        Return 0 if the header has no such number.
+        """
         number = number_of(self.of_channel(keyword, channel), self.decimal)
         return number if number is not None and np.isfinite(number) else 0.0
 
