@@ -18,7 +18,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mapmore_cli.domain.declared import Checked, QuantityName
+from mapmore_cli.domain.declared import QuantityName, ValueCondition
 from mapmore_cli.domain.errors import DataError
 
 _Shape = tuple[Any, ...]
@@ -27,8 +27,8 @@ _Shape = tuple[Any, ...]
 Array = np.ndarray[_Shape, np.dtype[np.float64]]
 """Measured or computed values; shapes are given where the array is used."""
 
-FINITE = Checked("is not finite", lambda values: np.isfinite(values).all())
-ASCENDING = Checked("does not ascend", lambda values: (np.diff(values) >= 0).all())
+FINITE = ValueCondition("is not finite", lambda values: np.isfinite(values).all())
+ASCENDING = ValueCondition("does not ascend", lambda values: (np.diff(values) >= 0).all())
 Number = Annotated[float, FINITE]
 Span = Annotated[tuple[Number, Number], ASCENDING]
 

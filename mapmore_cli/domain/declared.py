@@ -214,7 +214,7 @@ class Matching:
 
 
 @dataclass(frozen=True)
-class Checked:
+class ValueCondition:
     """Condition for a stored value. `holds(value)` returns True for a valid value; `words` is the
     end of the message for an invalid value, for example `is negative`.
     """
@@ -223,9 +223,9 @@ class Checked:
     holds: Callable[[Any], Any]
 
 
-def one_of(*words: str) -> Checked:
+def one_of(*words: str) -> ValueCondition:
     """Return the condition that a stored text is one of the given words."""
-    return Checked(f"is not one of {', '.join(words)}", words.__contains__)
+    return ValueCondition(f"is not one of {', '.join(words)}", words.__contains__)
 
 
 def is_label(text: str) -> bool:
@@ -235,18 +235,18 @@ def is_label(text: str) -> bool:
 
 Notes = Annotated[tuple[str, ...], "remarks for the reader"]
 
-Count = Annotated[int, Checked("is negative", lambda value: value >= 0)]
+Count = Annotated[int, ValueCondition("is negative", lambda value: value >= 0)]
 
 QuantityName = Annotated[
     str,
-    Checked(
+    ValueCondition(
         "is not a valid name of a quantity (a letter, then letters, digits and _)",
         re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}").fullmatch,
     ),
 ]
 TermName = Annotated[
     str,
-    Checked(
+    ValueCondition(
         "is not a valid term: it is empty, longer than 10000 characters, or contains other "
         "characters than terms may contain",
         re.compile(r"[A-Za-z0-9_.,\[\]+\-^*/() ]{1,10000}").fullmatch,
@@ -254,7 +254,7 @@ TermName = Annotated[
 ]
 Label = Annotated[
     str,
-    Checked(
+    ValueCondition(
         'is not a valid name: it must be one line of at most 1000 characters, without " ` $ < > \\',
         is_label,
     ),

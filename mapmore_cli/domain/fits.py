@@ -22,11 +22,19 @@ from mapmore_cli.domain.arrays import (
     Rows,
     Span,
 )
-from mapmore_cli.domain.declared import Checked, Count, Label, Notes, QuantityName, TermName, one_of
+from mapmore_cli.domain.declared import (
+    Count,
+    Label,
+    Notes,
+    QuantityName,
+    TermName,
+    ValueCondition,
+    one_of,
+)
 from mapmore_cli.domain.recording import CurveRange
 
 Boundaries = Annotated[Numbers, ASCENDING]
-Step = Annotated[Number, Checked("is not above 0", lambda step: step > 0)]
+Step = Annotated[Number, ValueCondition("is not above 0", lambda step: step > 0)]
 
 
 LOWER_BOUND = (

@@ -29,7 +29,7 @@ from mapmore_cli.modelling.validation.intervals import (
 )
 from mapmore_cli.pipeline.records import (
     Reading,
-    Row,
+    RecordRow,
     Sheet,
     between_gaps,
     by_recording,
@@ -121,7 +121,7 @@ class Predictor:
     def cells(
         self,
         label: str,
-        block: Sequence[Row],
+        block: Sequence[RecordRow],
         columns: dict[str, Array],
         runs: Sequence[Callable[[Columns], SimulatedRun]],
     ) -> tuple[list[str], list[int]]:
@@ -198,7 +198,7 @@ def predicted_lines(
     yield from table.extended([table.header], [",".join(predictor.names)])
     predicted = beyond = 0
     in_parts = not reading.signals and all(map(running, model.each))
-    blocks: Iterator[tuple[list[Row], bool]]
+    blocks: Iterator[tuple[list[RecordRow], bool]]
     blocks = ((block, True) for block in iter(lambda: [*islice(table.rows, chunk)], []))
     if reading.over_time:
         blocks = by_recording(table.rows, table.names, chunk if in_parts else math.inf)

@@ -34,8 +34,8 @@ after a gap, samples before it are not used.
 
 
 def by_recording(
-    rows: Iterator[Row], names: Sequence[str], most: float
-) -> Iterator[tuple[list[Row], bool]]:
+    rows: Iterator[RecordRow], names: Sequence[str], most: float
+) -> Iterator[tuple[list[RecordRow], bool]]:
     """Yield blocks of at most `most` rows of one recording, each with a flag. The flag is True if a
     recording begins with this block, and False if the block continues the recording of the previous
     block.
@@ -44,7 +44,7 @@ def by_recording(
     """
     mark = names.index(RECORDING) if RECORDING in names else None
     clock = names.index("time")
-    block, begins = list[Row](), True
+    block, begins = list[RecordRow](), True
     last: tuple[str | None, float] = (None, -np.inf)
     for row in rows:
         if len(row.cells) == len(names):
@@ -116,7 +116,7 @@ def reading_of(model: Model, columns_there: Collection[str]) -> Reading:
     return Reading(tuple(columns), signals, fed_back(model), over_time)
 
 
-class Row(NamedTuple):
+class RecordRow(NamedTuple):
     """A record of the table: its text without the line end, the line end, its fields, and the
     number of its last line.
     """
@@ -126,18 +126,18 @@ class Row(NamedTuple):
     cells: Sequence[str]
     line: int
 
-    def with_cells(self, more: Sequence[str]) -> Row:
+    def with_cells(self, more: Sequence[str]) -> RecordRow:
         """Return the record with more fields appended; a blank record is returned unchanged."""
         if not more or not self.text.strip():
             return self
         return self._replace(text=",".join([self.text, *more]), cells=[*self.cells, *more])
 
 
-def records(lines: Iterable[str], label: str) -> Iterator[Row]:
+def records(lines: Iterable[str], label: str) -> Iterator[RecordRow]:
     """Yield the records of a CSV table with their text. A quoted field may contain line breaks."""
     for text, cells, line in csv_records(lines, ",", label):
         bare = text.rstrip("\r\n")
-        yield Row(bare, text[len(bare) :], cells, line)
+        yield RecordRow(bare, text[len(bare) :], cells, line)
 
 
 class Sheet:
@@ -197,13 +197,13 @@ class Sheet:
         )
         return {str(name): place for name, place in located.items()}
 
-    def is_blank(self, row: Row) -> bool:
+    def is_blank(self, row: RecordRow) -> bool:
         """Return True if a record is a blank line. In a table with one column, a blank line is a
         row with an empty field, and the result is False.
         """
         return not row.text.strip() and len(self.names) > 1
 
-    def values(self, block: Sequence[Row], places: Mapping[str, int]) -> dict[str, Array]:
+    def values(self, block: Sequence[RecordRow], places: Mapping[str, int]) -> dict[str, Array]:
         """Return the numbers in the columns with the indices in `places`, (n,) each, for the n rows
         of `block`; NaN for an empty field. Raises DataError for a field that is not a number.
         """
@@ -235,7 +235,7 @@ class Sheet:
         usual = "correct the cell, or leave it empty"
         return self._readers.setdefault(name, CellReader(clock=name == "time", usual=usual))
 
-    def extended(self, block: Sequence[Row], added: Sequence[str]) -> Iterator[str]:
+    def extended(self, block: Sequence[RecordRow], added: Sequence[str]) -> Iterator[str]:
         """Yield the lines of the given rows with the text in `added` appended. Blank lines are
         unchanged.
         """

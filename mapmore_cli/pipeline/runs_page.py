@@ -17,7 +17,7 @@ import numpy as np
 
 from mapmore_cli.domain.errors import Warn
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, deciding
-from mapmore_cli.pipeline.runs_rows import MARK, PAGE, Row, mark_of, rows_of
+from mapmore_cli.pipeline.runs_rows import MARK, PAGE, RunRow, mark_of, rows_of
 from mapmore_cli.storage.atomic import refusals_told, refuse_irregular, write_own
 from mapmore_cli.storage.run_folder import RunFiles, run_lock
 from mapmore_cli.storage.run_record import RUN_RECORD
@@ -49,7 +49,7 @@ def write_runs_page(
         if known is None:
             warn(f"{place}: is not a page of runs, and stays as it is")
             return
-        of_run: dict[str, list[Row]] = {}
+        of_run: dict[str, list[RunRow]] = {}
         for row in known:
             of_run.setdefault(row.run, []).append(row)
         of_run |= {run.name: _rows(run, of_run.get(run.name, ())) for run in finished}
@@ -60,7 +60,7 @@ def write_runs_page(
             write_own(place, _page(runs, rows))
 
 
-def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
+def _rows(run: Finished, known: Iterable[RunRow]) -> list[RunRow]:
     """Return the rows of a run, one for each output. If the run has not changed since the `known`
     rows were written, these rows are returned.
     """
@@ -82,7 +82,7 @@ def _rows(run: Finished, known: Iterable[Row]) -> list[Row]:
     for table, validation, dataset in scored:
         scores = deciding(table.scores)
         target = scores[0].target if scores else ""
-        row = Row(
+        row = RunRow(
             run=run.name,
             muscle=str(muscle or ""),
             campaign=str(record.get("origin", {}).get("campaign", "")),
@@ -128,7 +128,7 @@ def _picture(validation: Validation, dataset: Any) -> tuple[str, str]:
     return measured, predicted_path
 
 
-def _page(runs: Path, rows: Sequence[Row]) -> str:
+def _page(runs: Path, rows: Sequence[RunRow]) -> str:
     """Return the page of all runs as HTML, with the given rows."""
     from mapmore_cli.reporting.order import RUN_PAGE
     from mapmore_cli.reporting.scripts import joined, json_text, scripts

@@ -26,7 +26,7 @@ mapmore did not write it.
 
 
 @dataclass(frozen=True)
-class Row:
+class RunRow:
     """Row of the table of all runs: one output of a run.
 
     - `nrmse`: NRMSE of each model in per cent, for the held-out data if there are any, otherwise
@@ -69,7 +69,7 @@ class Row:
         return f"{datetime.fromtimestamp(self.ended, UTC):%Y-%m-%d %H:%M}"
 
 
-def rows_of(place: Path) -> list[Row] | None:
+def rows_of(place: Path) -> list[RunRow] | None:
     """Return the rows of a page. If there is no page yet, the result is empty. For a page that
     mapmore did not write, the result is None.
     """
@@ -79,7 +79,7 @@ def rows_of(place: Path) -> list[Row] | None:
         _, mark, rest = content_of(place).decode().partition(MARK)
         if mark:
             return [
-                Row(
+                RunRow(
                     **row
                     | {
                         "alerts": tuple(Alert(**alert) for alert in row["alerts"]),

@@ -20,7 +20,7 @@ from mapmore_cli.reporting.table import Table
 
 
 @dataclass(frozen=True)
-class Section:
+class PageSection:
     """Section of a page.
 
     - `id`: its anchor on the page. Templates and `reporting.order.FIGURES` use the same id.
@@ -38,7 +38,7 @@ class Section:
 class Paged(Protocol):
     """Kind of model from a plugin that has its own section on the page."""
 
-    def section(self) -> Section:
+    def section(self) -> PageSection:
         """Return the section of this kind of model. It has no tables if the run has no fit of this
         kind.
         """
@@ -55,7 +55,7 @@ def shown_by(fit: Fit | None) -> Paged | None:
     return kind if isinstance(kind, Paged) else None
 
 
-def sections_of(inputs: ReportInputs) -> tuple[Section, ...]:
+def sections_of(inputs: ReportInputs) -> tuple[PageSection, ...]:
     """Return the sections of the page of a run. Each kind of model with its own section adds this
     section before the folded sections.
     """
@@ -101,7 +101,7 @@ def _of_formulas(inputs: ReportInputs) -> Iterable[Table]:
 
 
 SECTIONS = (
-    Section(
+    PageSection(
         *("fit", "Curves, fit and error"),
         lambda own: [
             curve_scores_table(own.validation.scores, own.validation.units),
@@ -109,17 +109,17 @@ SECTIONS = (
         ],
         folded=False,
     ),
-    Section("nrmse", "Scores of all models", _of_models, folded=False),
-    Section(
+    PageSection("nrmse", "Scores of all models", _of_models, folded=False),
+    PageSection(
         *("equations", "The model in physical units"),
         lambda inputs: tables.limits_tables(inputs.model),
         folded=False,
     ),
-    Section("data", "Your data as read", _of_data),
-    Section(
+    PageSection("data", "Your data as read", _of_data),
+    PageSection(
         "segments", "Segments and their weights", lambda inputs: [fit_tables.segments_table(inputs)]
     ),
-    Section("terms", "Selected terms", _of_terms),
-    Section("formulas", "Fits of formulas", _of_formulas),
-    Section("notes", "Notes, spec and provenance"),
+    PageSection("terms", "Selected terms", _of_terms),
+    PageSection("formulas", "Fits of formulas", _of_formulas),
+    PageSection("notes", "Notes, spec and provenance"),
 )

@@ -241,7 +241,10 @@ REMEMBERING = Model(
 )
 STATIC = hand_model()
 SUM = replace(
-    REMEMBERING, name="sum", inputs=STATIC.inputs, body=Sum((Part(STATIC), Part(REMEMBERING)))
+    REMEMBERING,
+    name="sum",
+    inputs=STATIC.inputs,
+    body=Sum((Part(STATIC), Part(REMEMBERING))),
 )
 
 

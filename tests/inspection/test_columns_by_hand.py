@@ -26,11 +26,11 @@ from mapmore_cli.annexes.drafting.draft import (
     yaml_text,
 )
 from mapmore_cli.annexes.drafting.finding import find, listed
-from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.annexes.drafting.name_groups import files_for_tests, group_words, numbered_groups
-from mapmore_cli.annexes.drafting.name_numbers import Number, is_repeat, numbers_in
+from mapmore_cli.annexes.drafting.name_numbers import NameNumber, is_repeat, numbers_in
 from mapmore_cli.annexes.drafting.names import (
-    Condition,
+    NamedCondition,
     offers_of,
     stem_of,
     told_by_names,
@@ -288,9 +288,9 @@ def test_what_is_predicted(kinds, driven, target):
 def test_numbers_in_names_have_words_units_and_signs():
     read = numbers_in("runA_P=1,5bar_20.5mm_x-3")
     assert read == [
-        Number("P", "bar", 1.5, True),
-        Number("", "mm", 20.5),
-        Number("x", "", 3.0),
+        NameNumber("P", "bar", 1.5, True),
+        NameNumber("", "mm", 20.5),
+        NameNumber("x", "", 3.0),
     ]
     assert [one.shown for one in read] == ["P 1.5bar", "20.5mm", "x 3"]
     assert [one.quantity for one in read] == ["pressure", "length", ""]
@@ -303,14 +303,14 @@ def test_numbers_in_names_have_words_units_and_signs():
         *(("P", "", False, ""), ("run", "", False, ""), ("run", "mm", False, "length")),
         *(("stretch", "mm", False, "stretch"), ("s", "%", False, "percent"), ("", "", False, "")),
     ]:
-        assert Number(word, unit, 1.0, is_set).quantity == quantity, (word, unit)
+        assert NameNumber(word, unit, 1.0, is_set).quantity == quantity, (word, unit)
     assert all(map(is_repeat, ("run", "Muscle", "no", "ID")))
     assert not any(map(is_repeat, ("a", "v", "load", "")))
 
 
 def test_conditions_are_in_the_units_of_models():
-    assert Condition("pressure", "bar", (1.0, 2.5)).in_model_units == [100, 250]
-    assert Condition("stiffness", "", (1.0, 2.5)).in_model_units == [1, 2.5]
+    assert NamedCondition("pressure", "bar", (1.0, 2.5)).in_model_units == [100, 250]
+    assert NamedCondition("stiffness", "", (1.0, 2.5)).in_model_units == [1, 2.5]
     found, remarks = told_by_names(["a_100kPa_run1", "a_200kPa_run2", "a_run3"])
     assert found == []
     assert remarks == ["a 100kpa ...", "run 1 ..."]
@@ -333,11 +333,13 @@ def test_conditions_are_in_the_units_of_models():
 def test_set_points_in_names_of_what_a_column_measures(numbers, means, wave, measured):
     table = {"x": column([5, 6], [6, 5]), "y": column(*([m - wave, m + wave] for m in means))}
     name = "y" if measured else None
-    assert _measured(Condition("bag", "", numbers), table) == name
+    assert _measured(NamedCondition("bag", "", numbers), table) == name
     table["y"] = replace(table["y"], quantity="force", unit="N")
     many = tuple(np.repeat(numbers, 2))  # of six files, every second is looked at
-    assert _measured(Condition("load", "gf", many), table) == name
-    assert _measured(Condition("bag", "", numbers), table) is None  # the force may be predicted
+    assert _measured(NamedCondition("load", "gf", many), table) == name
+    assert (
+        _measured(NamedCondition("bag", "", numbers), table) is None
+    )  # the force may be predicted
 
 
 @pytest.mark.parametrize(
@@ -501,7 +503,7 @@ def test_a_displacement_contracts_where_it_mostly_moves(values, scaling, rule):
 
 def titled(*titles, units=(), **values):
     """Columns as they are read from files whose titles are these."""
-    layout = Layout("csv", titles, titles, {}, tuple(units), ())
+    layout = FileLayout("csv", titles, titles, {}, tuple(units), ())
     raw = {title: [np.array([0.0, 1.0, 2.0])] for title in titles} | values
     return read_titles(layout, raw)
 

@@ -18,13 +18,13 @@ from mapmore_cli.annexes.drafting.experiment import (
     set_values,
 )
 from mapmore_cli.annexes.drafting.held_out import inner, with_split
-from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.annexes.drafting.page import draft_page
 from mapmore_cli.annexes.drafting.reading import described, split_by, with_words
 from mapmore_cli.annexes.drafting.second_log import second_of
 from mapmore_cli.annexes.drafting.sources import patterns
 from mapmore_cli.annexes.drafting.static_or_memory import with_experiment
-from mapmore_cli.annexes.drafting.studies import Study, find_studies
+from mapmore_cli.annexes.drafting.studies import FolderStudy, find_studies
 from mapmore_cli.annexes.drafting.understanding import _is_filtered
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.storage.tables.cells import NotANumber
@@ -304,7 +304,7 @@ def test_a_study_is_called_like_its_folder_or_by_words_in_the_names_of_its_files
 def test_a_second_log_is_the_only_layout_with_a_pressure_and_as_many_files(tmp_path):
     def study(*titles, files=1, folder="a"):
         paths = tuple(tmp_path / folder / f"{titles}{k}" for k in range(files))
-        return Study(paths, Layout("csv", titles, titles, {}, (), ()))
+        return FolderStudy(paths, FileLayout("csv", titles, titles, {}, (), ()))
 
     tester, valve = study("time", "force"), study("time", "pressure")
     assert second_of(tester, [tester, valve]) is valve

@@ -16,7 +16,7 @@ from mapmore_cli.annexes.drafting.answers import (
 )
 from mapmore_cli.annexes.drafting.by_titles import known_by_titles
 from mapmore_cli.annexes.drafting.columns import read_titles
-from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.annexes.drafting.name_numbers import numbers_in
 from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.checking.names import read_label
@@ -68,7 +68,7 @@ def table_of(titles):
 
 def laid_out(columns, titles):
     """The layout of a file with these columns."""
-    return Layout("csv", tuple(columns), tuple(titles), {}, (), ())
+    return FileLayout("csv", tuple(columns), tuple(titles), {}, (), ())
 
 
 @pytest.mark.parametrize(
@@ -228,6 +228,6 @@ def test_names_tell_what_varies(names, hold, told):
     ],
 )
 def test_indices_and_prepositions_are_no_units(title, name, unit):
-    layout = Layout("csv", (title,), (title,), {}, (), ())
+    layout = FileLayout("csv", (title,), (title,), {}, (), ())
     (column,) = read_titles(layout, {}).values()
     assert (column.name, column.unit) == (name, unit)

@@ -10,7 +10,7 @@ import pytest
 from mapmore_cli.domain.models import Body, Model, Outputs
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.results import SimulatedRun
-from mapmore_cli.fitting.kinds import Fitted, maker_of
+from mapmore_cli.fitting.kinds import FittedKind, maker_of
 from mapmore_cli.modelling import kinds
 from mapmore_cli.modelling.kinds import Kind, Verbs
 
@@ -59,7 +59,7 @@ def test_no_kind_defines_a_verb_that_nobody_asks_for(kind):
     own = type(kind.verbs())
     assert Verbs in own.__mro__
     assert {name for name in vars(own) if not name.startswith("_")} <= {*vars(Verbs)}
-    if isinstance(kind, Fitted):
+    if isinstance(kind, FittedKind):
         assert type(maker_of(kind.name)) is type(kind.maker())
 
 

@@ -20,7 +20,7 @@ from mapmore_cli.modelling import kinds
 from mapmore_cli.pipeline import runs_page
 from mapmore_cli.pipeline.report import _in_units, faults_of
 from mapmore_cli.pipeline.runs_page import write_runs_page
-from mapmore_cli.pipeline.runs_rows import MARK, Row, known_alerts, mark_of, rows_of
+from mapmore_cli.pipeline.runs_rows import MARK, RunRow, known_alerts, mark_of, rows_of
 from mapmore_cli.reporting.inputs import FigureStyle
 
 HOSTILE = "</script><script>alert(1)</script>\"'&"
@@ -162,7 +162,7 @@ def test_two_thousand_runs_take_less_than_a_second(folder):
 
 
 def test_a_row_without_scores_says_nothing(folder):
-    row = Row("a", "", "", "", "force", "", {}, (), 0.0, ("", ""))
+    row = RunRow("a", "", "", "", "force", "", {}, (), 0.0, ("", ""))
     page = runs_page._page(folder.runs, [row])
     assert (row.own, row.best_other, row.day) == (None, None, "1970-01-01 00:00")
     assert "<svg" not in page
@@ -208,7 +208,7 @@ def test_a_long_curve_is_drawn_by_forty_of_its_samples():
 
 
 QUESTION = Alert("unconfirmed", "1 guess is not confirmed", "unconfirmed")
-ROW = Row("a", "Peano", "", "a.csv", "force", "validate", {}, (), 0.0, ("", ""))
+ROW = RunRow("a", "Peano", "", "a.csv", "force", "validate", {}, (), 0.0, ("", ""))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from test_memory_report import report_of
 from mapmore_cli.domain.scores import Alert
 from mapmore_cli.modelling.validation.intervals import left_out_summary
 from mapmore_cli.pipeline import runs_page
-from mapmore_cli.pipeline.runs_rows import Row
+from mapmore_cli.pipeline.runs_rows import RunRow
 from mapmore_cli.reporting.report import write_report
 
 
@@ -87,7 +87,7 @@ def pages(inputs, tmp_path_factory):
         write_report(study, folder / name, ("fit", "surface", "error"), ("html",))
     alert = Alert("few curves", "only 1 curve has held-out samples", "fit")
     rows = [
-        Row(
+        RunRow(
             run=f"run{number}",
             muscle="a muscle with a long name of many words, McKibben" if number else "",
             campaign="" if number % 2 else "sweep",

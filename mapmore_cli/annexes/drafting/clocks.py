@@ -29,7 +29,7 @@ this unit end, and the length of the unit in seconds.
 
 
 @dataclass(frozen=True)
-class Part:
+class ClockPart:
     """A column that may be one part of a clock, for example the seconds, and the unit of its
     numbers.
     """
@@ -47,7 +47,7 @@ class Part:
         """Return True if the numbers decrease somewhere."""
         return any((np.diff(x) < 0).any() for x in self.column.values)
 
-    def follows(self, coarser: Part) -> bool:
+    def follows(self, coarser: ClockPart) -> bool:
         """Return True if the numbers suit a part that follows the `coarser` part. For example,
         seconds that follow minutes must all be smaller than 60; if they restart from zero, the
         largest must be at least 30. The same rule holds for other units, with the number of units
@@ -63,12 +63,12 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
     Return an empty dictionary if the titles name no such parts, or if the values do not suit them.
     The numbers of the coarsest part may be any numbers from zero on.
     """
-    found: dict[str, Part] = {}
+    found: dict[str, ClockPart] = {}
     for one in table.values():
         last = {*words(one.title)[-1:]}
         unit = next((unit for unit, (titles, _) in PARTS.items() if last & {*titles.split()}), "")
         if unit and one.values and all((x >= 0).all() for x in one.values):
-            found.setdefault(unit, Part(one, unit))
+            found.setdefault(unit, ClockPart(one, unit))
     parts = [found[unit] for unit in PARTS if unit in found]
     fits = [finer.follows(coarser) for coarser, finer in pairwise(parts)]
     parts = parts[: 1 + [*fits, False].index(False)]
@@ -79,7 +79,7 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
     return {}
 
 
-def _increases(parts: Sequence[Part]) -> bool:
+def _increases(parts: Sequence[ClockPart]) -> bool:
     """Return True if the sum of all parts of the clock increases in every file, except for a few
     steps back.
     """

@@ -14,7 +14,7 @@ from shlex import quote
 import numpy as np
 
 from mapmore_cli.annexes.drafting.draft import Column, NamedColumn, Raw, range_of
-from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.annexes.drafting.titles import HALF_WIDTH, name_in, units_in
 from mapmore_cli.checking.names import POSITIONS, read_label
 from mapmore_cli.domain.arrays import Array
@@ -241,7 +241,7 @@ Table = Mapping[Column, TitledColumn]
 """All columns of some files, in their order."""
 
 
-def read_titles(layout: Layout, raw: Raw, texts: Mapping[Column, Texts] | None = None) -> Table:
+def read_titles(layout: FileLayout, raw: Raw, texts: Mapping[Column, Texts] | None = None) -> Table:
     """Return the columns of files with the information in their titles and in the units that the
     files give. `texts` holds the columns of texts.
     """

@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
 from mapmore_cli.storage.tables import Top
@@ -70,7 +70,7 @@ def kinds_of_lines(path: Path) -> tuple[bytes, ...]:
     return tuple(dict.fromkeys(kinds))
 
 
-def comment_among(path: Path, layout: Layout) -> str | None:
+def comment_among(path: Path, layout: FileLayout) -> str | None:
     """Return the characters with which comment lines between the rows of a text begin; None if
     there are no such lines. If the line of titles begins with these characters, too, return None as
     well, because the titles would be skipped as a comment.

@@ -10,7 +10,7 @@ from itertools import pairwise, takewhile
 from typing import Any
 
 from mapmore_cli.annexes.drafting.first_lines import COMMENT
-from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.annexes.drafting.rows import (
     Row,
     are_units,
@@ -78,13 +78,13 @@ class FoundTable:
         doubtful = sum(any(map(str.isdigit, str(cells[0]))) for cells in texts if cells)
         return -doubtful, len(self.rows) - self.first
 
-    def layout(self, reader: str) -> Layout:
+    def layout(self, reader: str) -> FileLayout:
         """Return the layout of a table in which one line above the numbers has the titles and
         another line the units, or the layout of a map.
         """
         if (top := self.top_of_map) is not None:
             as_map = {**self.top.settings, **({"skip_rows": top} if top else {}), "table": "map"}
-            return Layout(reader, MAP_COLUMNS, MAP_COLUMNS, as_map, (), (0, 1, 2))
+            return FileLayout(reader, MAP_COLUMNS, MAP_COLUMNS, as_map, (), (0, 1, 2))
         lines = self.header_lines()
         titled = self.line_of_titles(lines)
         titles = [] if titled is None else lines[titled]
@@ -103,7 +103,7 @@ class FoundTable:
         if header and titled is not None:
             words = {at: line for at, line in lines.items() if line != units}
             titles = _told_apart(titles, counts, words, titled)
-        return Layout(
+        return FileLayout(
             reader,
             self.top.addresses or tuple(columns),
             tuple(titles) if titled is not None else (),

@@ -9,7 +9,7 @@ from mapmore_cli.storage.tables import SourceColumn
 
 
 @dataclass(frozen=True)
-class Layout:
+class FileLayout:
     """Layout of a file: how it is read, and which columns it has.
 
     - `reader`: name of the reader. `settings`: the keys of `data` with which the file is read.

@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mapmore_cli.annexes.drafting.name_numbers import BY_WORD, NUMBER, RUNS, UNITS
-from mapmore_cli.annexes.drafting.names import Condition
+from mapmore_cli.annexes.drafting.names import NamedCondition
 from mapmore_cli.annexes.drafting.spelling import words
 
 _TRAINS = {"train", "training", "estimation", "identification"}
 _TESTS = {"test", "testing", "val", "valid", "validation"}
 
 
-def numbered_groups(names: Sequence[str], group: str) -> Condition:
+def numbered_groups(names: Sequence[str], group: str) -> NamedCondition:
     """Return a quantity that numbers the groups of recordings: its value for each file is the
     number of the group to which the file belongs. `group` is a word such as `sample`. The groups
     are found in the names of the files.
@@ -22,7 +22,7 @@ def numbered_groups(names: Sequence[str], group: str) -> Condition:
     groups = group_words(names, group)
     apart = sorted({*groups})
     values = tuple(apart.index(word) + 1.0 for word in groups)
-    return Condition(group, "", values, f"{group} 1 is {apart[0]!r}, and so on")
+    return NamedCondition(group, "", values, f"{group} 1 is {apart[0]!r}, and so on")
 
 
 def group_words(names: Sequence[str], group: str) -> list[str]:

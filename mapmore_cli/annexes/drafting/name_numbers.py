@@ -44,7 +44,7 @@ NUMBER = re.compile(
 _CAMEL = re.compile(r".*[^\W\d_A-Z](?=[A-Z])")
 
 
-class Number(NamedTuple):
+class NameNumber(NamedTuple):
     """A number in the name of a file, the word before the number, and its unit. The word and the
     unit are empty texts if the name has no such word or unit.
 
@@ -85,10 +85,10 @@ def is_repeat(word: str) -> bool:
     return len(word) > 1 and _REPEATS.fullmatch(word) is not None
 
 
-def numbers_in(name: str) -> list[Number]:
+def numbers_in(name: str) -> list[NameNumber]:
     """Return the numbers of a name, in order."""
     return [
-        Number(
+        NameNumber(
             _CAMEL.sub("", match["word"] or ""),
             (match["unit"] or "").casefold(),
             float(match["number"].replace(",", ".")),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mapmore_cli.annexes.drafting.answers import Hold
-from mapmore_cli.annexes.drafting.name_numbers import UNITS, Number, numbers_in
+from mapmore_cli.annexes.drafting.name_numbers import UNITS, NameNumber, numbers_in
 from mapmore_cli.checking.names import read_label
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.storage.readers import suffix_of
@@ -23,11 +23,11 @@ class Series:
     of the numbers.
     """
 
-    numbers: dict[int, Number]
+    numbers: dict[int, NameNumber]
     is_complete: bool
 
     @property
-    def first(self) -> Number:
+    def first(self) -> NameNumber:
         """The first number. All numbers of the series have the same word and unit."""
         return next(iter(self.numbers.values()))
 
@@ -46,7 +46,7 @@ class Series:
 
 
 @dataclass(frozen=True)
-class Condition:
+class NamedCondition:
     """A quantity whose values are in the names of files: its unit, and a value for every recording.
 
     `why` says how the values are written in the names. `sure` is False if some name has no number;
@@ -76,7 +76,7 @@ def stem_of(name: str) -> str:
 
 def told_by_names(
     names: Sequence[str], hold: Hold | None = None, known: Sequence[str] = ()
-) -> tuple[list[Condition], list[str]]:
+) -> tuple[list[NamedCondition], list[str]]:
     """Return the quantities that vary from name to name, and a remark on every number that seems
     only to count repetitions.
 
@@ -93,7 +93,7 @@ def told_by_names(
     if hold is not None and hold.name not in ("none", *known):
         asked = _asked_for(hold, every)
     named = {*known, *([hold.name] if hold is not None else [])}
-    conditions: list[Condition] = []
+    conditions: list[NamedCondition] = []
     repeats: list[str] = []
     for series in every:
         quantity = series.first.quantity
@@ -133,7 +133,7 @@ def _series_of(names: Sequence[str]) -> list[Series]:
 
     Numbers that are equal in all names are left out.
     """
-    found: dict[tuple[str, str, int], dict[int, Number]] = {}
+    found: dict[tuple[str, str, int], dict[int, NameNumber]] = {}
     for place, name in enumerate(names):
         seen: Counter[tuple[str, str]] = Counter()
         for number in numbers_in(name):
@@ -144,7 +144,7 @@ def _series_of(names: Sequence[str]) -> list[Series]:
     return [one for one in every if len(one.values) > 1 or not one.is_complete]
 
 
-def _condition(quantity: str, unit: str, series: Series, names: Sequence[str]) -> Condition:
+def _condition(quantity: str, unit: str, series: Series, names: Sequence[str]) -> NamedCondition:
     """Return a quantity whose values are the numbers in the names of files. If a name contains no
     number, its value is zero.
     """
@@ -154,7 +154,7 @@ def _condition(quantity: str, unit: str, series: Series, names: Sequence[str]) -
     zero = next((name for at, name in enumerate(names) if at not in numbers), None)
     why = f"{quantity} {' '.join(f'{value:g}' for value in sorted({*values}))} {unit}"
     why += f" (0 for {zero!r}, which has no number)" if zero is not None else ""
-    return Condition(quantity, unit, values, why, sure=zero is None)
+    return NamedCondition(quantity, unit, values, why, sure=zero is None)
 
 
 def _asked_for(hold: Hold, every: Sequence[Series]) -> Series:
@@ -174,7 +174,7 @@ def _asked_for(hold: Hold, every: Sequence[Series]) -> Series:
     )
 
 
-def _is_named_by(hold: Hold, number: Number) -> bool:
+def _is_named_by(hold: Hold, number: NameNumber) -> bool:
     """Return True if the option `--hold` means this number: the option gives the word beside
     the number, the quantity of the number, or a unit to which the unit of the number can be
     converted.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mapmore_cli.annexes.drafting.first_lines import LINES, comment_among, refuse_serial, unread
 from mapmore_cli.annexes.drafting.found_table import FoundTable, table_in
-from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.annexes.drafting.rows import nonempty
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import reader_of, suffix_of
@@ -20,7 +20,7 @@ from mapmore_cli.storage.tables.cells import CellReader, NotANumber
 WIDEST = 2000  # largest number of columns that `init` reads
 
 
-def preview(path: Path) -> Layout:
+def preview(path: Path) -> FileLayout:
     """Return the layout of a file from its beginning. Raises DataError if it holds no table of
     numbers with at least two columns that `init` can read.
     """
@@ -75,7 +75,9 @@ def _why_no_numbers(tops: Sequence[Top]) -> str:
     return ""
 
 
-def _with_tables_below(path: Path, best: FoundTable, layout: Layout, reader: Reader) -> Layout:
+def _with_tables_below(
+    path: Path, best: FoundTable, layout: FileLayout, reader: Reader
+) -> FileLayout:
     """Return the layout, extended if the file or sheet has several tables. Tables with the same
     header are read together; the header with the most rows is used, and tables with other headers
     are left out.
@@ -136,8 +138,8 @@ def _titles_of(table: Below) -> list[str]:
 
 
 def _of_all_sheets(
-    best: str, layouts: Mapping[str | None, Layout], sheets: Sequence[str | None]
-) -> Layout:
+    best: str, layouts: Mapping[str | None, FileLayout], sheets: Sequence[str | None]
+) -> FileLayout:
     """Return the layout of the sheet `best`, with the names of all sheets that have this layout."""
     shapes = {
         sheet: replace(layout, settings={**layout.settings, "sheet": ""})

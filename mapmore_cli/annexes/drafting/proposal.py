@@ -27,7 +27,7 @@ from mapmore_cli.annexes.drafting.reading import read_draft, split_by, table_of
 from mapmore_cli.annexes.drafting.second_log import with_second_log
 from mapmore_cli.annexes.drafting.sources import started
 from mapmore_cli.annexes.drafting.static_or_memory import FEWEST, with_experiment
-from mapmore_cli.annexes.drafting.studies import Study
+from mapmore_cli.annexes.drafting.studies import FolderStudy
 from mapmore_cli.annexes.drafting.understanding import Understood, understood
 from mapmore_cli.annexes.drafting.written_columns import with_columns, with_strain
 from mapmore_cli.checking.evidence import Unequal, unequal
@@ -35,7 +35,12 @@ from mapmore_cli.domain.errors import UsageError
 
 
 def propose(
-    study: Study, folder: Path, answers: Answers, second: Study | None, ask: Ask | None, path: str
+    study: FolderStudy,
+    folder: Path,
+    answers: Answers,
+    second: FolderStudy | None,
+    ask: Ask | None,
+    path: str,
 ) -> list[Draft]:
     """Return the specs of a study, one for each output, with paths relative to `folder`. The
     structures of their models are left to the search in a run.
@@ -100,13 +105,13 @@ class _Proposal:
     drafts start at `folder`.
     """
 
-    study: Study
+    study: FolderStudy
     folder: Path
     table: Table
     answers: Answers
     known: Understood
 
-    def draft_of(self, target: str, second: Study | None, beside: Named) -> Draft:
+    def draft_of(self, target: str, second: FolderStudy | None, beside: Named) -> Draft:
         """Return the draft for one quantity to predict. If the files of the study lack the pressure
         and a second log (`second`) has it, this log is joined; `beside` are the columns of the
         second log that a person named.

@@ -23,7 +23,7 @@ from mapmore_cli.annexes.drafting.draft import Column, Draft, address
 from mapmore_cli.annexes.drafting.finding import find
 from mapmore_cli.annexes.drafting.names import told_by_names
 from mapmore_cli.annexes.drafting.sources import started
-from mapmore_cli.annexes.drafting.studies import Study
+from mapmore_cli.annexes.drafting.studies import FolderStudy
 from mapmore_cli.checking.evidence import MUCH
 from mapmore_cli.domain.arrays import Array, IntArray
 from mapmore_cli.domain.errors import DataError, SpecError, Warn
@@ -85,7 +85,7 @@ def with_words(read: Callable[[object], T], known: Sequence[str] = ()) -> tuple[
             words = [*words, fault.cell]
 
 
-def table_of(study: Study, folder: Path) -> Table:
+def table_of(study: FolderStudy, folder: Path) -> Table:
     """Return the columns of a few files of a study. Columns of text and empty columns have no
     values.
 
@@ -156,7 +156,7 @@ def some_of(sources: Sequence[T]) -> Sequence[T]:
     return sources[:: -(-len(sources) // MOST_FILES)]
 
 
-def described(study: Study, folder: Path) -> str:
+def described(study: FolderStudy, folder: Path) -> str:
     """Describe a study in words: its numbers of files, rows and columns, and what the names of its
     files say.
     """

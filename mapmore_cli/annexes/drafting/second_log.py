@@ -13,7 +13,7 @@ from mapmore_cli.annexes.drafting.cleaning import lenient
 from mapmore_cli.annexes.drafting.draft import Draft, Named, Section
 from mapmore_cli.annexes.drafting.reading import read_draft, table_of
 from mapmore_cli.annexes.drafting.sources import started
-from mapmore_cli.annexes.drafting.studies import Study
+from mapmore_cli.annexes.drafting.studies import FolderStudy
 from mapmore_cli.checking.evidence import two_digits
 from mapmore_cli.checking.names import POSITIONS
 from mapmore_cli.domain.errors import DataError
@@ -23,7 +23,7 @@ from mapmore_cli.study.units import convert
 BREAK = 5
 
 
-def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
+def second_of(study: FolderStudy, studies: Sequence[FolderStudy]) -> FolderStudy | None:
     """Return the study that contains the pressure of the same tests, recorded by a second device.
     It is the only study in the same folder with the same number of files, with titles that name the
     time and the pressure, and without a title that names a force or a position.
@@ -42,7 +42,9 @@ def second_of(study: Study, studies: Sequence[Study]) -> Study | None:
     return beside[0] if is_lacking and len(beside) == 1 else None
 
 
-def with_second_log(draft: Draft, second: Study, folder: Path, target: str, said: Named) -> Draft:
+def with_second_log(
+    draft: Draft, second: FolderStudy, folder: Path, target: str, said: Named
+) -> Draft:
     """Return the draft, to which the pressure from a second log is joined. If a time shift is found
     at which the changes of the pressure match the changes of the target, the second log is shifted
     by this time. `said` are the columns of the second log that a person named.

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from mapmore_cli.annexes.drafting.draft import Draft, Named, Section
-from mapmore_cli.annexes.drafting.names import Condition
-from mapmore_cli.annexes.drafting.studies import Study
+from mapmore_cli.annexes.drafting.names import NamedCondition
+from mapmore_cli.annexes.drafting.studies import FolderStudy
 from mapmore_cli.ingestion.globs import expand, relative_name
 
 
@@ -55,9 +55,9 @@ def _glob_of(parts: Sequence[str]) -> str:
 
 
 def started(
-    study: Study,
+    study: FolderStudy,
     folder: Path,
-    conditions: Sequence[Condition] = (),
+    conditions: Sequence[NamedCondition] = (),
     remark: str = "",
     columns: Named | None = None,
 ) -> Draft:
@@ -96,9 +96,9 @@ def started(
 
 
 def _file_entries(
-    study: Study,
+    study: FolderStudy,
     folder: Path,
-    conditions: Sequence[Condition],
+    conditions: Sequence[NamedCondition],
     is_by_part: bool,
     changed: Mapping[Path, Section],
 ) -> list[Any]:
@@ -124,7 +124,7 @@ def _file_entries(
     return entries
 
 
-def _bad_among(study: Study, folder: Path, entries: Sequence[Any]) -> dict[str, str]:
+def _bad_among(study: FolderStudy, folder: Path, entries: Sequence[Any]) -> dict[str, str]:
     """Return the bad files that the globs of the entries match, by name, with the reasons."""
     if not study.bad:
         return {}

@@ -18,7 +18,7 @@ from mapmore_cli.annexes.drafting.proposal import propose
 from mapmore_cli.annexes.drafting.questions import Ask
 from mapmore_cli.annexes.drafting.reading import described
 from mapmore_cli.annexes.drafting.second_log import second_of
-from mapmore_cli.annexes.drafting.studies import Study, find_studies
+from mapmore_cli.annexes.drafting.studies import FolderStudy, find_studies
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError, Warn
 from mapmore_cli.storage.readers import READERS
 
@@ -99,7 +99,7 @@ def start(
     return Start(tuple(drafts), tuple(remarks))
 
 
-def _with_own_names(studies: Sequence[Study]) -> list[Study]:
+def _with_own_names(studies: Sequence[FolderStudy]) -> list[FolderStudy]:
     """Return the studies with distinct names: a number is appended to a name that repeats."""
     names = [study.name or "study" for study in studies]
     labels = [

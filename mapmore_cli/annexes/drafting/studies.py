@@ -13,7 +13,7 @@ from pathlib import Path
 from mapmore_cli.annexes.drafting.columns import read_titles
 from mapmore_cli.annexes.drafting.draft import Column, Named, Section
 from mapmore_cli.annexes.drafting.first_lines import HEAD, comment_among, kinds_of_lines, unread
-from mapmore_cli.annexes.drafting.layout import Layout
+from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.annexes.drafting.names import stem_of
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.spelling import words
@@ -31,7 +31,7 @@ _FOR_SENSORS = {"tare", "tara", "calibration", "kalibrierung"}
 
 
 @dataclass(frozen=True)
-class Study:
+class FolderStudy:
     """Files with the same layout, and a name for them.
 
     - `bad`: the files of the folder that belong to no study, with the reasons.
@@ -41,10 +41,10 @@ class Study:
     """
 
     files: tuple[Path, ...]
-    layout: Layout
+    layout: FileLayout
     name: str = ""
     bad: Mapping[Path, str] = field(default_factory=dict)
-    variants: Mapping[Path, Layout] = field(default_factory=dict)
+    variants: Mapping[Path, FileLayout] = field(default_factory=dict)
     above: Mapping[Path, Sequence[str]] = field(default_factory=dict)
 
     def __str__(self) -> str:
@@ -56,7 +56,7 @@ class Study:
         return Path(os.path.commonpath([file.parent for file in self.files]))
 
     @property
-    def of_layout(self) -> Study:
+    def of_layout(self) -> FolderStudy:
         """The study without the files in `variants`, so that all its files have exactly the same
         `layout`.
         """
@@ -72,7 +72,7 @@ class Study:
         changed = {file: of_layouts[id(layout)] for file, layout in self.variants.items()}
         return {file: entries for file, entries in changed.items() if entries}
 
-    def _columns_of(self, layout: Layout, columns: Named) -> Section:
+    def _columns_of(self, layout: FileLayout, columns: Named) -> Section:
         """Return the entries of `columns` that a file with this `layout` needs, because its titles
         or units differ from those of most files.
         """
@@ -125,7 +125,7 @@ class Study:
         return {label.quantity for label in labels if label is not None}
 
 
-def find_studies(path: Path) -> tuple[list[Study], list[str]]:
+def find_studies(path: Path) -> tuple[list[FolderStudy], list[str]]:
     """Return the studies under a path, the study with the most files first. Also return, for every
     file that belongs to no study, the reason why it is left out, with the remedy.
 
@@ -163,13 +163,13 @@ def find_studies(path: Path) -> tuple[list[Study], list[str]]:
     return named, [reasons[file] for file in every if file in reasons]
 
 
-def _layouts_of(files: Iterable[Path]) -> tuple[dict[Path, Layout], dict[Path, str]]:
+def _layouts_of(files: Iterable[Path]) -> tuple[dict[Path, FileLayout], dict[Path, str]]:
     """Return the layout of each file, and the reasons why other files have none. If several text
     files have the same kinds of lines, only the first is examined, and the others get its layout.
     """
-    layouts: dict[Path, Layout] = {}
+    layouts: dict[Path, FileLayout] = {}
     faults: dict[Path, str] = {}
-    seen: dict[tuple[str, tuple[bytes, ...]], Layout] = {}
+    seen: dict[tuple[str, tuple[bytes, ...]], FileLayout] = {}
     for file in files:
         try:
             like = (file.suffix, kinds_of_lines(file))
@@ -203,7 +203,7 @@ def _copies(files: Iterable[Path]) -> dict[Path, Path]:
     return copies
 
 
-def _with_comments(layout: Layout, files: Sequence[Path]) -> Layout:
+def _with_comments(layout: FileLayout, files: Sequence[Path]) -> FileLayout:
     """Return the layout. If a text has comment lines between its rows, the layout also holds the
     characters with which comment lines begin.
     """
@@ -220,7 +220,7 @@ have the same unit, its unit.
 """
 
 
-def _identities(layout: Layout) -> dict[Column, Identity]:
+def _identities(layout: FileLayout) -> dict[Column, Identity]:
     """Return an identity for each column of numbers. If two files differ only in units or in the
     order of columns, a column of one file corresponds to the column with the equal identity in the
     other.
@@ -246,7 +246,7 @@ def _identities(layout: Layout) -> dict[Column, Identity]:
     return dict(zip([one.column for one in columns], identities, strict=True))
 
 
-def _joined(layouts: Mapping[Path, Layout]) -> list[Study]:
+def _joined(layouts: Mapping[Path, FileLayout]) -> list[FolderStudy]:
     """Return a study for each layout, with its files. Layouts that differ only in the units in
     their titles, or in the order of the columns, form one study. Its `layout` is the one that the
     largest number of its files have.
@@ -254,7 +254,7 @@ def _joined(layouts: Mapping[Path, Layout]) -> list[Study]:
     alike: dict[str, list[Path]] = {}
     for file, layout in layouts.items():
         alike.setdefault(repr(layout), []).append(file)
-    families: dict[str, list[tuple[Layout, list[Path]]]] = {}
+    families: dict[str, list[tuple[FileLayout, list[Path]]]] = {}
     for files in alike.values():
         layout = _with_comments(layouts[files[0]], files)
         identities = sorted(_identities(layout).values(), key=repr)
@@ -266,7 +266,7 @@ def _joined(layouts: Mapping[Path, Layout]) -> list[Study]:
         variants = {file: other for other, files in others for file in files}
         files = sorted(file for _, some in family for file in some)
         above = {file: layouts[file].above for file in files}
-        studies.append(Study(tuple(files), layout, variants=variants, above=above))
+        studies.append(FolderStudy(tuple(files), layout, variants=variants, above=above))
     return studies
 
 
@@ -281,7 +281,7 @@ def _is_own(file: Path, folder: Path) -> bool:
     return not (ours or hidden or file.name.casefold() in ("thumbs.db", "desktop.ini", SCHEMA))
 
 
-def _name(study: Study, alone: bool) -> str:
+def _name(study: FolderStudy, alone: bool) -> str:
     """Return a name for a study. It consists of the words that the names of all its files contain
     at the same position. If there are no such words, or if the study has several files and is the
     only one in its folder (`alone`), it is the name of the folder.

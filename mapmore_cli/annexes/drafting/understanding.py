@@ -14,9 +14,9 @@ from mapmore_cli.annexes.drafting.by_titles import kind_to_predict, known_by_tit
 from mapmore_cli.annexes.drafting.columns import Table, TitledColumn
 from mapmore_cli.annexes.drafting.draft import Column, Named, address
 from mapmore_cli.annexes.drafting.finding import find
-from mapmore_cli.annexes.drafting.names import Condition, told_by_names
+from mapmore_cli.annexes.drafting.names import NamedCondition, told_by_names
 from mapmore_cli.annexes.drafting.reading import some_of
-from mapmore_cli.annexes.drafting.studies import Study
+from mapmore_cli.annexes.drafting.studies import FolderStudy
 from mapmore_cli.checking.evidence import FEWEST, ROUNDING, same_signals
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import UsageError
@@ -54,7 +54,7 @@ class Understood:
     columns: Named
     targets: list[str]
     inputs: list[str]
-    conditions: list[Condition]
+    conditions: list[NamedCondition]
     remark: str
     left_out: dict[Column, str]
     group: str | None
@@ -75,7 +75,7 @@ class Understood:
 
 
 def understood(
-    study: Study, table: Table, answers: Answers, path: str, is_driven: bool = False
+    study: FolderStudy, table: Table, answers: Answers, path: str, is_driven: bool = False
 ) -> Understood:
     """Find out which quantities of a study are targets, inputs and levels. Use the titles of
     columns, the names of files and the answers of a person. `is_driven` is True if a second log
@@ -156,8 +156,8 @@ def _found(table: Table, named: Named) -> Iterator[TitledColumn]:
 
 
 def _conditions_of(
-    study: Study, table: Table, answers: Answers, columns: Named
-) -> tuple[list[Condition], list[str], str]:
+    study: FolderStudy, table: Table, answers: Answers, columns: Named
+) -> tuple[list[NamedCondition], list[str], str]:
     """Return the quantities whose values stand in names of files, the names of the columns that
     measure such quantities, and a remark about the numbers in names that are not used. If a person
     names the inputs, a number without a unit is used only if the person names it. If a person does
@@ -187,7 +187,7 @@ def _conditions_of(
     return conditions, measuring, remark
 
 
-def _measured(condition: Condition, columns: Mapping[str, TitledColumn]) -> str | None:
+def _measured(condition: NamedCondition, columns: Mapping[str, TitledColumn]) -> str | None:
     """Return the name of the column whose mean over each recording is a linear function of the
     number in the name of the recording, although the column varies far less within a recording than
     between two: the number is then the set point of what the column measures. If the number has a

@@ -24,12 +24,12 @@ from mapmore_cli.modelling.program.statements import (
     Block,
     Choose,
     Function,
-    Keep,
     Let,
     Program,
     Queue,
     Recall,
     Statement,
+    Store,
     Use,
 )
 from mapmore_cli.modelling.program.values import COMPARE
@@ -48,10 +48,10 @@ def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dic
     parts = program.functions, program.body, tuple(limits), kept.numbers, kept.queues
     for text in {*texts_of(parts)} - {*COMPARE}:
         word(text)
-    body = ranges = Body(program, dialect)
+    body = ranges = FunctionBody(program, dialect)
     results = body.block(program.body)
     if apart:
-        ranges = Body(program, dialect)
+        ranges = FunctionBody(program, dialect)
         inputs = [statement for statement in program.body.statements if isinstance(statement, Let)]
         ranges.write([quantity for quantity in inputs if quantity.name.startswith("input_")])
     checks = [
@@ -87,7 +87,7 @@ def program_words(program: Program, dialect: Dialect, apart: bool = True) -> dic
 
 
 def _function(program: Program, dialect: Dialect, function: Function) -> dict[str, Any]:
-    body = Body(program, dialect)
+    body = FunctionBody(program, dialect)
     used = names_used_in(function.body)
     return {
         "name": function.name,
@@ -116,7 +116,7 @@ def texts_of(part: object) -> Iterator[str]:
 
 
 @dataclass
-class Body:
+class FunctionBody:
     """The body of a function that is being written: its `lines`, and the powers and function values
     that have names, so that they can be used again.
 
@@ -153,7 +153,7 @@ class Body:
                     size = sizes[queue]
                     words = {"queue": queue, "steps": steps, "left": size - steps, "size": size}
                     self._line(dialect.constant, name, dialect.recalled.format(**words))
-                case Keep(kept, value):
+                case Store(kept, value):
                     self._line(dialect.assigned, f"{dialect.state}{kept}", self.text(value))
                 case Queue(queue, value):
                     text = self.text(value)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mapmore_cli.domain.fits import Fit
     from mapmore_cli.domain.models import Model
     from mapmore_cli.fitting.kinds import Maker
-    from mapmore_cli.reporting.sections import Section
+    from mapmore_cli.reporting.sections import PageSection
     from mapmore_cli.reporting.table import Table
     from mapmore_cli.study.diagnostics import Finding
     from mapmore_cli.study.experiment import ExperimentSpec
@@ -41,7 +41,7 @@ class MotionKind(Kind):
 
         return findings(spec)
 
-    def section(self) -> Section:
+    def section(self) -> PageSection:
         """Return the section of a run's page about models of motion."""
         from mapmore_cli.annexes.motion.page import SECTION
 

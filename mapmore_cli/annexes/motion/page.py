@@ -13,7 +13,7 @@ from mapmore_cli.cli.console import View
 from mapmore_cli.domain.fits import Fit
 from mapmore_cli.domain.models import Model
 from mapmore_cli.reporting.inputs import ReportInputs
-from mapmore_cli.reporting.sections import Section
+from mapmore_cli.reporting.sections import PageSection
 from mapmore_cli.reporting.table import MODEL, Cells, Column, Columns, Table
 
 
@@ -126,4 +126,4 @@ def waveforms_table(inputs: ReportInputs, motion: Motion) -> Table:
     return Table.of("waveforms", "Errors over one wavelength", heads, rows, note)
 
 
-SECTION = Section("Models-of-motion", "Models of motion", tables)
+SECTION = PageSection("Models-of-motion", "Models of motion", tables)

@@ -65,7 +65,11 @@ def sum_of(
                 )
     notes = tuple(f"{part.model.name}: {note}" for part in parts for note in part.model.notes)
     return Model(
-        name, output, tuple(quantities[key] for key in sorted(used)), Sum(tuple(parts)), notes=notes
+        name,
+        output,
+        tuple(quantities[key] for key in sorted(used)),
+        Sum(tuple(parts)),
+        notes=notes,
     )
 
 

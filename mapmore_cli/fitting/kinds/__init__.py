@@ -83,7 +83,7 @@ class FitsSums(Protocol):
 
 
 @runtime_checkable
-class Fitted(Protocol):
+class FittedKind(Protocol):
     """A kind of model that is defined in a plug-in and can be fitted."""
 
     def maker(self) -> Maker:
@@ -108,7 +108,7 @@ def maker_of(name: str) -> Maker:
 
         return FormulaMaker()
     kind = kinds.named(name)
-    assert isinstance(kind, Fitted), f"no fit exists for models of type {name}"
+    assert isinstance(kind, FittedKind), f"no fit exists for models of type {name}"
     return kind.maker()
 
 

@@ -156,7 +156,7 @@ class StateWriter:
         return past
 
 
-class Parts(NamedTuple):
+class SplitTerms(NamedTuple):
     """The k terms of a model, each split into a factor of inputs and a factor of fed-back states.
     `inputs` holds the factor of inputs of each term. `owns` holds the G different factors of
     fed-back states. `groups`, (k,), holds the index of each term in `owns`, or -1 for a term
@@ -185,14 +185,14 @@ class Parts(NamedTuple):
         return m.let("output", total([base, *fed]))
 
 
-def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> Parts:
+def parts_of_terms(terms: Sequence[str], fed_back: Container[str]) -> SplitTerms:
     """Split terms into factors of inputs and factors of fed-back states. Raises DataError if a
     factor contains both inputs and fed-back states.
     """
     both = [parted(parse(text), fed_back) for text in terms]
     owns = list(dict.fromkeys(part for part, _ in both if part != ONE))
     groups = np.array([-1 if part == ONE else owns.index(part) for part, _ in both], dtype=np.int64)
-    return Parts([inputs for _, inputs in both], owns, groups)
+    return SplitTerms([inputs for _, inputs in both], owns, groups)
 
 
 class Feedback:

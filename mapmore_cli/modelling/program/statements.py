@@ -71,7 +71,7 @@ class Recall:
 
 
 @dataclass(frozen=True)
-class Keep:
+class Store:
     """Statement that stores `value` under the name `kept` for the next sample."""
 
     kept: str
@@ -88,7 +88,7 @@ class Queue:
     value: Expression
 
 
-Statement = Let | Choose | Use | Recall | Keep | Queue
+Statement = Let | Choose | Use | Recall | Store | Queue
 
 
 @dataclass(frozen=True)

@@ -25,13 +25,13 @@ from mapmore_cli.modelling.program.statements import (
     Choose,
     Function,
     InputLimit,
-    Keep,
     KeptState,
     Let,
     Program,
     Queue,
     Recall,
     Statement,
+    Store,
     Use,
 )
 from mapmore_cli.modelling.ranges import limits
@@ -155,7 +155,7 @@ class Writer:
     def keep(self, name: Expression, value: Operand) -> None:
         """Write a statement that stores a value under a name for the next sample."""
         assert isinstance(name, Name)
-        self.statements.append(Keep(name.name, expression(value)))
+        self.statements.append(Store(name.name, expression(value)))
 
     def program(self, inputs: Sequence[str], *values: Expression) -> Program:
         """Return the program with the named inputs and the given outputs. Statements that no output
@@ -282,7 +282,7 @@ def _pruned_statement(statement: Statement, used: Set[str]) -> tuple[Statement, 
 def names_used_by(statement: Statement) -> Set[str]:
     """Return every name that a statement uses, including names of functions."""
     match statement:
-        case Let(_, value) | Keep(_, value) | Queue(_, value):
+        case Let(_, value) | Store(_, value) | Queue(_, value):
             return value.names
         case Use(_, function, arguments):
             return {function, *names_in(arguments)}

@@ -52,7 +52,7 @@ def plane_of(inputs: ReportInputs) -> Plane | None:
     return Plane(names, tuple(map(inputs.axis_label, pair)), x, y, z)
 
 
-class Sheet(NamedTuple):
+class SurfaceGrid(NamedTuple):
     """Output of a model on a grid over its two inputs.
 
     - `across`, `up`, `output`: the two inputs and the output, (CELLS, CELLS) each. Each row of the
@@ -83,7 +83,7 @@ class Sheet(NamedTuple):
         return x, y, z
 
 
-def sheet_of(inputs: ReportInputs) -> Sheet | None:
+def sheet_of(inputs: ReportInputs) -> SurfaceGrid | None:
     """Return the output of a model over its two inputs. Return None if the model has more or fewer
     inputs, if the report shows another quantity than the output, or if no output is finite.
     """
@@ -106,7 +106,7 @@ def sheet_of(inputs: ReportInputs) -> Sheet | None:
     if not np.isfinite(output).any():
         return None
     rows, label = evenly(len(plane.x), DOTS), inputs.axis_label(inputs.target)
-    return Sheet(plane, across, up, output, rows, label)
+    return SurfaceGrid(plane, across, up, output, rows, label)
 
 
 Beyond = Callable[[Array, Array], BoolArray]

@@ -14,7 +14,7 @@ from typing import Any, Literal, Union
 import numpy as np
 from annotated_types import Interval
 
-from mapmore_cli.domain.declared import Checked
+from mapmore_cli.domain.declared import ValueCondition
 from mapmore_cli.domain.foreign import is_one_line
 from mapmore_cli.storage.artefacts.schema import (
     ARRAY,
@@ -212,5 +212,7 @@ def wrong_with(value: object, check: object) -> str:
             -math.inf if check.ge is None else check.ge,
             math.inf if check.le is None else check.le,
         )
-        check = Checked(f"is not between {low} and {high}", lambda value: low <= value <= high)
-    return "" if not isinstance(check, Checked) or check.holds(value) else check.words
+        check = ValueCondition(
+            f"is not between {low} and {high}", lambda value: low <= value <= high
+        )
+    return "" if not isinstance(check, ValueCondition) or check.holds(value) else check.words

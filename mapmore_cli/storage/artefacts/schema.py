@@ -25,7 +25,7 @@ from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin, get_
 import numpy as np
 from annotated_types import Interval
 
-from mapmore_cli.domain.declared import Checked
+from mapmore_cli.domain.declared import ValueCondition
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import Fit, Scaling, SegmentedCurve
 from mapmore_cli.domain.foreign import is_one_line
@@ -129,7 +129,7 @@ def taken_apart(hint: Any) -> Hint:
     words = [*(mark for mark in marks if isinstance(mark, str)), "", ""]
     match = re.match(r"\((\w+(?: or 0)?(?:, \w+)*)\) ", words[0])
     inner = get_args(get_args(hint)[1]) if alias is np.ndarray else get_args(hint)
-    checks = tuple(mark for mark in marks if isinstance(mark, Checked | Interval))
+    checks = tuple(mark for mark in marks if isinstance(mark, ValueCondition | Interval))
     letters = tuple(match[1].split(", ")) if match else ()
     return Hint(Union if alias is types.UnionType else alias, inner, checks, letters, *words[:2])
 

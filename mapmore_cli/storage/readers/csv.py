@@ -30,8 +30,8 @@ from mapmore_cli.storage.tables import (
 from mapmore_cli.storage.tables.below import Below, chosen_table, tables_below
 from mapmore_cli.storage.tables.cells import NUMBER, holds_number
 from mapmore_cli.storage.tables.fields import (
-    Layout,
     Numbered,
+    TextLayout,
     separator_hint,
     values_of_records,
     values_of_text,
@@ -134,7 +134,7 @@ def _delimiter_of(request: TableRequest) -> str | None:
 
 def _begin(
     lines: Lines, request: TableRequest
-) -> tuple[Layout, list[Numbered], Iterator[Numbered]]:
+) -> tuple[TextLayout, list[Numbered], Iterator[Numbered]]:
     """Read the header of a table. Return three things: the layout of the table, the records that
     were already read but belong to the data, and an iterator over the records that follow. With a
     header, the second is empty. Without a header, it contains the first record.
@@ -164,7 +164,7 @@ def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> Non
                 refuse_grouped(cells, request.decimal, where)
 
 
-def _rows_of(lines: Lines, request: TableRequest) -> tuple[Layout, Iterable[Row]]:
+def _rows_of(lines: Lines, request: TableRequest) -> tuple[TextLayout, Iterable[Row]]:
     """Return the layout of the wanted table, and its rows below the header."""
     if request.table is None:
         layout, leading, records = _begin(lines, request)
@@ -222,16 +222,16 @@ def _without_comments(lines: Iterable[str], mark: str | None) -> Iterable[str]:
     return ("\n" if line.lstrip().startswith(mark) else line for line in lines)
 
 
-def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) -> Layout:
+def _layout(first: Sequence[str], request: TableRequest, delimiter: str | None) -> TextLayout:
     names = [name.strip() for name in first] if request.header else None
     hint = separator_hint(first)
     if hint is None and names is not None and all(map(holds_number, names)):
         hint = "The first line contains numbers: give 0-based indices and write `header: false`."
     places = locate_columns(request, names, len(first), hint)
-    return Layout(request, delimiter, len(first), wanted_of(places, names, request))
+    return TextLayout(request, delimiter, len(first), wanted_of(places, names, request))
 
 
-def _blocks_of(lines: Lines, layout: Layout, raw: BufferedReader) -> Iterator[list[Any]]:
+def _blocks_of(lines: Lines, layout: TextLayout, raw: BufferedReader) -> Iterator[list[Any]]:
     """Yield the line numbers and values of the remaining lines, (n,) each, block by block."""
     while block := lines.block():
         # blank lines are skipped all at once, because a text may have millions of them

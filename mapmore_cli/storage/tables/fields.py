@@ -24,7 +24,7 @@ Numbered = tuple[int, list[str]]
 
 
 @dataclass(frozen=True)
-class Layout:
+class TextLayout:
     """Layout of a text table, which follows from its header and from the request.
 
     - `request`: how the file is read.
@@ -40,7 +40,7 @@ class Layout:
     wanted: Sequence[Wanted]
 
 
-def values_of_text(text: bytes, layout: Layout) -> list[Array]:
+def values_of_text(text: bytes, layout: TextLayout) -> list[Array]:
     """Read the wanted columns, (n,) each, of UTF-8 text with PyArrow. This is possible if every
     line is one record with all fields, and the wanted fields are plain numbers or empty. Otherwise,
     the result is an empty list, and `values_of_records` must be used.
@@ -91,7 +91,7 @@ def _numbers_in(column: Any) -> Array:
     return np.where(np.unpackbits(bits, count=len(chunk), bitorder="little"), values, np.nan)
 
 
-def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any]:
+def _parsed_columns(text: bytes, delimiter: str, layout: TextLayout) -> list[Any]:
     """Return the wanted columns as PyArrow parses them; an empty list if it refuses the text."""
     import pyarrow
     from pyarrow import csv as arrow
@@ -118,7 +118,7 @@ def _parsed_columns(text: bytes, delimiter: str, layout: Layout) -> list[Any]:
     return list(table.columns)
 
 
-def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
+def values_of_records(records: Sequence[Numbered], layout: TextLayout) -> list[Any]:
     """Return the line numbers and the wanted columns of records, (n,) each. None of the records is
     blank. An empty field is NaN.
 
@@ -131,7 +131,7 @@ def values_of_records(records: Sequence[Numbered], layout: Layout) -> list[Any]:
     return [numbers, *columns]
 
 
-def _of_width(row: int, record: list[str], layout: Layout) -> list[str]:
+def _of_width(row: int, record: list[str], layout: TextLayout) -> list[str]:
     """Return a record with exactly `layout.width` fields. Blank fields after the last column are
     removed. A record with too few fields, too many fields or NUL bytes is replaced by empty fields
     if incomplete records are treated as missing values; otherwise DataError is raised.

@@ -57,7 +57,7 @@ def tree_reader(
     return Reader(name, read, suffixes, keys, column, by_index, peek, begins)
 
 
-class Place(NamedTuple):
+class TreeMember(NamedTuple):
     """A member of a tree of arrays.
 
     - `address`, `name`: its address in the file, and its name.
@@ -73,7 +73,7 @@ class Place(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Column:
+class NumberColumn:
     """A column of numbers in a tree of arrays.
 
     - `address`: its address, as used in a spec.
@@ -127,11 +127,11 @@ def first_rows(top: Member, most: int, separator: str = "/") -> Top:
     )
 
 
-def _places(top: Member, separator: str) -> list[Place]:
+def _places(top: Member, separator: str) -> list[TreeMember]:
     """Return the members of a tree, level by level. At most about `MOST_MEMBERS` members are
     returned, because a tree with circular links has no end.
     """
-    places = [Place("", "", "", top)]
+    places = [TreeMember("", "", "", top)]
     # the loop also visits the members that it adds to this list
     for address, _, _, here, _ in places:
         for name in here.names or range(here.count or 0):
@@ -142,7 +142,7 @@ def _places(top: Member, separator: str) -> list[Place]:
                 title = _title_of(here, str(name), address.partition(separator)[0])
                 unit = _text_beside(here, str(name), ("unit", "units"))
                 inner = f"{address}{part}".removeprefix(separator)
-                places.append(Place(inner, title, address, member, unit))
+                places.append(TreeMember(inner, title, address, member, unit))
     return places
 
 
@@ -188,8 +188,8 @@ def _readable(here: Member, name: str | int) -> Member | None:
 
 
 def _ways_to_read(
-    places: Sequence[Place], separator: str, most: int
-) -> Iterator[tuple[str | None, list[Column]]]:
+    places: Sequence[TreeMember], separator: str, most: int
+) -> Iterator[tuple[str | None, list[NumberColumn]]]:
     """Yield the ways in which a file can be read. A way consists of a value of `root`, and the
     columns below it. Ways with several recordings in the file come first; the last way is to read
     the file as one recording.
@@ -226,7 +226,7 @@ def _first_recording(here: Member) -> Member | None:
     return elements[names.index(shared)]
 
 
-def _log(columns: Sequence[Column]) -> list[Column]:
+def _log(columns: Sequence[NumberColumn]) -> list[NumberColumn]:
     """Return the columns that belong to one log. These are the longest columns of which a group has
     at least two with equal length, and also the columns of this length in the groups around this
     group. If no group has two columns of equal length, columns of equal length from all groups are
@@ -246,7 +246,7 @@ def _log(columns: Sequence[Column]) -> list[Column]:
     return []
 
 
-def _columns(places: Sequence[Place], most: int) -> list[Column]:
+def _columns(places: Sequence[TreeMember], most: int) -> list[NumberColumn]:
     """Return all columns of numbers in `places`. Each text array or list of texts in a group may
     give the titles of the columns of a matrix in the same group.
     """
@@ -281,7 +281,9 @@ def _texts_in(member: Member) -> list[str]:
     return [text.strip() for text in texts] if len(names) == len(texts) == size else []
 
 
-def _columns_of(place: Place, most: int, titles: Sequence[Sequence[str]] = ()) -> Iterator[Column]:
+def _columns_of(
+    place: TreeMember, most: int, titles: Sequence[Sequence[str]] = ()
+) -> Iterator[NumberColumn]:
     """Yield the columns of an array. A vector is one column, and a matrix has several columns.
     `titles` holds the lists of texts in the same group; if exactly one of them has as many texts as
     the matrix has columns, these texts are the titles of the columns.
@@ -300,17 +302,17 @@ def _columns_of(place: Place, most: int, titles: Sequence[Sequence[str]] = ()) -
     except DataError:
         return
     if not matrix:
-        yield Column(address, title, group, length, values.reshape(-1), noted)
+        yield NumberColumn(address, title, group, length, values.reshape(-1), noted)
         return
     columns = values if along else values.T
     fitting = [texts for texts in titles if len(texts) == len(columns)]
     own = fitting[0] if len(fitting) == 1 else [None] * len(columns)
     for number, (column, name) in enumerate(zip(columns, own, strict=True)):
         index = f"[{number},:]" if along else f"[:,{number}]"
-        yield Column(f"{address}{index}", name, group, length, column, noted)
+        yield NumberColumn(f"{address}{index}", name, group, length, column, noted)
 
 
-def _sample_time(columns: Iterable[Column]) -> float | None:
+def _sample_time(columns: Iterable[NumberColumn]) -> float | None:
     """Return the time step in s. It follows from a single number in `columns` whose name means a
     sampling rate or a time step, for example `fs` or `dt`. Return None if there is no such number.
     """

@@ -203,7 +203,7 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 @runtime_checkable
-class Checked(Protocol):
+class CheckedKind(Protocol):
     """A kind of model that a plugin adds, with its own check of the spec."""
 
     def findings(self, spec: ExperimentSpec) -> Iterable[Finding]:
@@ -213,5 +213,5 @@ class Checked(Protocol):
 def of_kinds(spec: ExperimentSpec) -> Iterator[Finding]:
     """Run the checks of the spec that plugins with kinds of models define."""
     for kind_of_model in kinds():
-        if isinstance(kind_of_model, Checked):
+        if isinstance(kind_of_model, CheckedKind):
             yield from kind_of_model.findings(spec)

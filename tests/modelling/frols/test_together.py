@@ -89,7 +89,10 @@ def test_a_spec_offers_rules_that_there_are():
 def test_a_ridge_prunes_three_times_as_many_terms_as_it_keeps_unless_a_number_is_given():
     terms = [Fit(max_terms=4, ridge=1e-9, forward=one).forward_terms for one in (None, 30, 2)]
     assert terms == [12, 30, 4]
-    assert (Fit().known_scale, Fit(loss="huber", scale=2.0).known_scale) == (None, 2.0)
+    assert (Fit().known_scale, Fit(loss="huber", scale=2.0).known_scale) == (
+        None,
+        2.0,
+    )
     for useless in ({"ridge": 0.9e-9}, {"scale": 2.0}, {"slack": 0.1}, {"beyond": 0.1}):
         with pytest.raises(Contradiction):
             Fit(**useless)

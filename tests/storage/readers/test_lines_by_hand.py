@@ -10,7 +10,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.tables import Noted
 from mapmore_cli.storage.tables import lines as module
 from mapmore_cli.storage.tables.lines import Lines, csv_records, encoding_of, name_of_packed
-from mapmore_cli.storage.tables.overview import Column, _log, _sample_time
+from mapmore_cli.storage.tables.overview import NumberColumn, _log, _sample_time
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_records_of_fields_and_the_number_of_their_last_line():
 
 
 def of(length, group="", title="x", values=(0.0,), address="x"):
-    return Column(address, title, group, length, np.array(values), Noted())
+    return NumberColumn(address, title, group, length, np.array(values), Noted())
 
 
 def test_the_log_is_the_longest_group_of_two_columns():

@@ -18,7 +18,7 @@ from mapmore_cli.storage.tables.members import (
     size_in_words,
     tables,
 )
-from mapmore_cli.storage.tables.overview import Place, _columns_of, _places
+from mapmore_cli.storage.tables.overview import TreeMember, _columns_of, _places
 
 WHOLE = slice(None)
 
@@ -165,7 +165,7 @@ def test_a_survey_is_of_five_hundred_members_and_tables_of_64_columns():
     places = _places(group, "/")
     assert (len(places), places[1].address, places[-1].address) == (501, "v0", "v499")
     for shape, count in (((100, 64), 64), ((64, 100), 64), ((100, 65), 0), ((65, 65), 0)):
-        columns = [*_columns_of(Place("m", "m", "", numbers(np.ones(shape))), 5)]
+        columns = [*_columns_of(TreeMember("m", "m", "", numbers(np.ones(shape))), 5)]
         assert len(columns) == count
         assert all((one.length, one.values.size) == (100, 5) for one in columns)
 
