@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from cli_samples import OWN, by_place, page_of, write_lines
 from common import dataset_of
+from pydantic_core import to_json
 
+from mapmore_cli.annexes.search import stage
 from mapmore_cli.cli.views import verdict_lines
+from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.kinds.choices import model_choices
+from mapmore_cli.study.checks import competitors
 from mapmore_cli.study.loader import load
 
 pytestmark = pytest.mark.usefixtures("fewer_families")
@@ -75,6 +79,47 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(
     spec.write_text("extends: runs/bare/found.yaml\ndata: {files: [bare.csv]}\n")
     mapmore("ingest", spec, code=0)
     assert all(Path("runs", "bare", name).is_file() for name in ("search.json", "found.yaml"))
+
+
+def formula(name, excess):
+    sections = {"model": {"type": "literature", "name": name}}
+    return Tried("formula", f"formula {name}", sections, excess=excess)
+
+
+TRIED = (
+    Tried("simple", "plane", {"dictionary": [{"polynomial": {"of": ["strain"], "order": 1}}]}),
+    formula("sarosi_hinged", 0.2),
+    formula("sarosi", 0.1),
+    *(Tried("black box", words, {}) for words in ("gaussian process", "gradient boosting")),
+)
+BOXES = ["gaussian_process", "gradient_boosting"]
+IN_TURN = ("{validate: {pressure: [300]}}", "{leave_one_level_out: true}")
+
+
+@pytest.mark.parametrize(
+    ("chosen", "more", "split", "installed", "expected"),
+    [
+        (0, "", None, True, ["sarosi", *BOXES]),
+        (2, "", None, True, BOXES),
+        (0, "", None, False, ["sarosi"]),
+        (2, "validate: {simple: false}", None, False, []),
+        (0, "", IN_TURN, True, ["sarosi_hinged", "sarosi"]),
+        (0, "validate: {against: []}", None, True, []),
+        (0, "validate: {against: [kerscher]}", None, True, ["kerscher"]),
+    ],
+)
+def test_formulas_and_black_boxes_of_the_search_compete_unless_the_spec_names_competitors(
+    chosen, more, split, installed, expected, tmp_path, monkeypatch
+):
+    for module in (stage, competitors):
+        monkeypatch.setattr(module, "find_spec", lambda _name: installed or None)
+    spec = write_bare(tmp_path)
+    spec.write_text(spec.read_text().replace(*split or ("", "")) + more)
+    result = Search("bare", "force", "", "", 1.0, TRIED, 0, chosen)
+    (tmp_path / "search.json").write_bytes(to_json(result, inf_nan_mode="strings"))
+    found = stage.with_found(load(spec), tmp_path).spec
+    assert found.validation.against == expected
+    assert found.model.type == ("literature" if chosen else "mapmore")
 
 
 def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):
