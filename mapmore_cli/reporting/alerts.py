@@ -154,14 +154,15 @@ def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, s
     better = [s for s in compared if s.rmse < (1 - EQUAL_WITHIN) * ours.rmse]
     for score in sorted(better, key=lambda one: one.rmse):
         errors = f"RMSE {score.rmse:.3g} against {ours.rmse:.3g} {unit}".rstrip()
-        who, advice = title_of(score.model), ""
-        if score.model in LEARNERS:
-            who += ", a black box that gives no equations,"
-            advice = (
-                "; other inputs, further terms, longer structures or more training data may reduce "
-                f"the error of {OWN}"
-            )
-        yield "competitor", f"{who} has a smaller error: {errors}{advice}"
+        title = title_of(score.model)
+        yield (
+            "competitor",
+            f"{title}, a black box that gives no equations, has a smaller error: {errors}; other "
+            "inputs, further terms, longer structures or more training data may reduce the error "
+            f"of {OWN}"
+            if score.model in LEARNERS
+            else f"{title} has a smaller error: {errors}",
+        )
     curves = _errors_of_curves(scores, ours.split)
     near = []
     for score in (s for s in compared if s.model != OWN and s not in better):
