@@ -93,27 +93,29 @@ TRIED = (
     *(Tried("black box", words, {}) for words in ("gaussian process", "gradient boosting")),
 )
 BOXES = ["gaussian_process", "gradient_boosting"]
-IN_TURN = ("split: {validate: {pressure: [300]}}", "split: {leave_one_level_out: true}")
+SPLIT = "split: {validate: {pressure: [300]}}"
+IN_TURN = "split: {leave_one_level_out: true}"
 
 
 @pytest.mark.parametrize(
-    ("chosen", "more", "in_turn", "installed", "expected"),
+    ("chosen", "more", "split", "installed", "expected"),
     [
-        (0, "", False, True, ["sarosi", *BOXES]),
-        (2, "", False, True, BOXES),
-        (0, "", False, False, ["sarosi"]),
-        (0, "", True, True, ["sarosi_hinged", "sarosi"]),
-        (0, "validate: {against: []}", False, True, []),
-        (0, "validate: {against: [kerscher]}", False, True, ["kerscher"]),
+        (0, "", SPLIT, True, ["sarosi", *BOXES]),
+        (2, "", SPLIT, True, BOXES),
+        (0, "", SPLIT, False, ["sarosi"]),
+        (0, "", IN_TURN, True, ["sarosi_hinged", "sarosi"]),
+        (0, "", "", True, ["sarosi"]),
+        (0, "validate: {against: []}", SPLIT, True, []),
+        (0, "validate: {against: [kerscher]}", SPLIT, True, ["kerscher"]),
     ],
 )
 def test_formulas_and_black_boxes_of_the_search_compete_unless_the_spec_names_competitors(
-    chosen, more, in_turn, installed, expected, tmp_path, monkeypatch
+    chosen, more, split, installed, expected, tmp_path, monkeypatch
 ):
     for module in (stage, competitors):
         monkeypatch.setattr(module, "find_spec", lambda _name: installed or None)
     spec = write_bare(tmp_path)
-    spec.write_text((SPEC.replace(*IN_TURN) if in_turn else SPEC) + more)
+    spec.write_text(SPEC.replace(SPLIT, split) + more)
     result = Search("bare", "force", "", "", 1.0, TRIED, 0, chosen)
     (tmp_path / "search.json").write_bytes(to_json(result, inf_nan_mode="strings"))
     found = stage.with_found(load(spec), tmp_path).spec
@@ -163,7 +165,8 @@ def test_every_level_is_left_out_of_the_search_as_well(tmp_path, mapmore, monkey
     for name, permuted in (("one", False), ("two", True)):
         spec = write_bare(tmp_path / name, permuted)
         spec.write_text(
-            spec.read_text().replace(*IN_TURN) + "validate: {intervals: true, against: [plane]}\n"
+            spec.read_text().replace(SPLIT, IN_TURN)
+            + "validate: {intervals: true, against: [plane]}\n"
         )
         made.clear()
         runs = tmp_path / name / "runs"
