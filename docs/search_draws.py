@@ -154,8 +154,8 @@ def measured(draw: Draw, runs: Path, other: Sequence[Cell]) -> tuple[Cell, ...]:
     the best other model, is fitted where it is empty.
     """
     one = SETS[draw.study]
-    rivals = "" if other else ", ".join(one.rivals)
-    settings = (*_overrides(draw.study, draw.split), f"validate.against=[{rivals}]")
+    rivals = "null" if other else f"[{', '.join(one.rivals)}]"
+    settings = (*_overrides(draw.study, draw.split), f"validate.against={rivals}")
     files = run(one.study, runs, *settings)
     search = files.search()
     assert search is not None

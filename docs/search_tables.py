@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from pages import DOCS, asked, read_rows, run, scores, write_tables
 
-from mapmore_cli.annexes.search.stage import formulas_beside
+from mapmore_cli.annexes.search.stage import rivals_beside
 from mapmore_cli.domain.scores import OWN
 from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.simple import SIMPLE
@@ -295,7 +295,7 @@ def alerts_without_rivals(files: RunFiles) -> list[str]:
     """
     search, validation = files.search(), files.validation()
     assert search is not None
-    shown = {OWN, *SIMPLE, *formulas_beside(search)}
+    shown = {OWN, *SIMPLE, *rivals_beside(search)}
     scores = tuple(score for score in validation.scores if score.model in shown)
     alerts = alerts_of(
         files.dataset(), files.model(), replace(validation, scores=scores), search=search

@@ -13,6 +13,7 @@ from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Search, Validation
 from mapmore_cli.domain.scores import OWN, REPEATABILITY, STRUCTURE_SEEN, Alert, Score, deciding
+from mapmore_cli.modelling.learners import LEARNERS
 from mapmore_cli.modelling.validation.coverage import new_combinations, share_outside
 from mapmore_cli.reporting.score_tables import EQUAL_WITHIN
 from mapmore_cli.reporting.table import title_of
@@ -21,7 +22,6 @@ FEW_CURVES = 3
 """Smallest number of held-out curves without an alert. With fewer curves, their error says little
 about the error on other curves, and no standard error is computed from them.
 """
-
 
 ALERTS: Mapping[str, str] = {
     "structure": "fit",
@@ -139,7 +139,8 @@ def _of_held_out(dataset: Dataset, model: Model, left_out: bool) -> Iterator[tup
 
 def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, str]]:
     """Yield an alert for each competitor whose pooled error is smaller than the error of the run's
-    own model by more than 1 %. The sentence with the result of the run uses the same limit.
+    own model by more than 1 %. The sentence with the result of the run uses the same limit. If the
+    competitor is a black box, the alert says so, and what may reduce the error of the own model.
 
     Yield another alert that names the competitors that are nearly as good. For each curve, the RMSE
     of the own model is subtracted from the RMSE of the competitor; the mean of these differences is
@@ -153,7 +154,15 @@ def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, s
     better = [s for s in compared if s.rmse < (1 - EQUAL_WITHIN) * ours.rmse]
     for score in sorted(better, key=lambda one: one.rmse):
         errors = f"RMSE {score.rmse:.3g} against {ours.rmse:.3g} {unit}".rstrip()
-        yield "competitor", f"{title_of(score.model)} has a smaller error: {errors}"
+        title = title_of(score.model)
+        yield (
+            "competitor",
+            f"{title}, a black box that gives no equations, has a smaller error: {errors}; other "
+            "inputs, further terms, longer structures or more training data may reduce the error "
+            f"of {OWN}"
+            if score.model in LEARNERS
+            else f"{title} has a smaller error: {errors}",
+        )
     curves = _errors_of_curves(scores, ours.split)
     near = []
     for score in (s for s in compared if s.model != OWN and s not in better):

@@ -16,7 +16,9 @@ from mapmore_cli.reporting.table import title_of
 
 BLACK_BOX = (
     "It is a black box: what it has learnt is no formula of the inputs, so that there is nothing "
-    "to print. It is fitted again, with the same seed, by another run of this study."
+    "to print. It is fitted again, with the same seed, by another run of this study. It has the "
+    "inputs of the model and, if the model has memory, delayed inputs. A black box with the same "
+    "name in the table of a structure search may have other inputs, and is fitted to fewer samples."
 )
 NOT_KNOWN = (
     "It has no equation here, because it is no formula, or because the package that adds the "

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 from cli_samples import OWN, by_place, page_of, write_lines
 from common import dataset_of
+from pydantic_core import to_json
 
+from mapmore_cli.annexes.search import stage
 from mapmore_cli.cli.views import verdict_lines
+from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.fitting.kinds.choices import model_choices
+from mapmore_cli.study.checks import competitors
 from mapmore_cli.study.loader import load
 
 pytestmark = pytest.mark.usefixtures("fewer_families")
@@ -77,6 +81,47 @@ def test_a_minimal_spec_is_a_study_and_what_it_found_repeats_without_a_search(
     assert all(Path("runs", "bare", name).is_file() for name in ("search.json", "found.yaml"))
 
 
+def formula(name, excess):
+    sections = {"model": {"type": "literature", "name": name}}
+    return Tried("formula", f"formula {name}", sections, excess=excess)
+
+
+TRIED = (
+    Tried("simple", "plane", {"dictionary": [{"polynomial": {"of": ["strain"], "order": 1}}]}),
+    formula("sarosi_hinged", 0.2),
+    formula("sarosi", 0.1),
+    *(Tried("black box", words, {}) for words in ("gaussian process", "gradient boosting")),
+)
+BOXES = ["gaussian_process", "gradient_boosting"]
+SPLIT = "split: {validate: {pressure: [300]}}"
+IN_TURN = "split: {leave_one_level_out: true}"
+
+
+@pytest.mark.parametrize(
+    ("chosen", "more", "split", "installed", "expected"),
+    [
+        (0, "", SPLIT, True, ["sarosi", *BOXES]),
+        (2, "", SPLIT, True, BOXES),
+        (0, "", SPLIT, False, ["sarosi"]),
+        (0, "", IN_TURN, True, ["sarosi_hinged", "sarosi"]),
+        (0, "", "", True, ["sarosi"]),
+        (0, "validate: {against: []}", SPLIT, True, []),
+        (0, "validate: {against: [kerscher]}", SPLIT, True, ["kerscher"]),
+    ],
+)
+def test_formulas_and_black_boxes_of_the_search_compete_unless_the_spec_names_competitors(
+    chosen, more, split, installed, expected, tmp_path, monkeypatch
+):
+    for module in (stage, competitors):
+        monkeypatch.setattr(module, "find_spec", lambda _name: installed or None)
+    spec = write_bare(tmp_path)
+    spec.write_text(SPEC.replace(SPLIT, split) + more)
+    result = Search("bare", "force", "", "", 1.0, TRIED, 0, chosen)
+    (tmp_path / "search.json").write_bytes(to_json(result, inf_nan_mode="strings"))
+    found = stage.with_found(load(spec), tmp_path).spec
+    assert found.validation.against == expected
+
+
 def test_a_budget_that_cut_the_list_is_told(tmp_path, mapmore, monkeypatch):
     from mapmore_cli.annexes.search import searching
 
@@ -105,7 +150,6 @@ def test_every_level_is_left_out_of_the_search_as_well(tmp_path, mapmore, monkey
     """
     from mapmore_cli.fitting import left_out
 
-    split = ("split: {validate: {pressure: [300]}}", "split: {leave_one_level_out: true}")
     made, whole = list[str](), left_out.refit
     plain_models_only(monkeypatch)
 
@@ -121,7 +165,8 @@ def test_every_level_is_left_out_of_the_search_as_well(tmp_path, mapmore, monkey
     for name, permuted in (("one", False), ("two", True)):
         spec = write_bare(tmp_path / name, permuted)
         spec.write_text(
-            spec.read_text().replace(*split) + "validate: {intervals: true, against: [plane]}\n"
+            spec.read_text().replace(SPLIT, IN_TURN)
+            + "validate: {intervals: true, against: [plane]}\n"
         )
         made.clear()
         runs = tmp_path / name / "runs"

@@ -10,6 +10,7 @@ import pytest
 import search_tables
 from report_builder import build, surface
 
+from mapmore_cli.annexes.search import stage
 from mapmore_cli.domain.results import AUTOCORRELATION, ResidualTest, Search, Tried
 from mapmore_cli.domain.scores import STRUCTURE_SEEN
 from mapmore_cli.modelling.validation.residuals import residual_tests
@@ -142,16 +143,19 @@ def test_competitors_that_err_less_or_as_much_are_alerts(inputs, factors, kind):
 
 def test_better_competitors_are_named_with_both_errors_the_best_first(inputs):
     row = next(one for one in inputs.validation.scores if one.curve == "all")
-    errors = {"mapmore": 2.0, "arx": 1.5, "sarosi": 1.0, "cubic": 1.99}
+    errors = {"mapmore": 2.0, "arx": 1.5, "mlp": 1.6, "sarosi": 1.0, "cubic": 1.99}
     scores = tuple(replace(row, model=name, rmse=error) for name, error in errors.items())
     found = replace(inputs, validation=replace(inputs.validation, scores=scores)).alerts
     assert [one.sentence for one in found if one.kind == "competitor"] == [
         "Sárosi has a smaller error: RMSE 1 against 2 N",
         "ARX has a smaller error: RMSE 1.5 against 2 N",
+        "Neural network, a black box that gives no equations, has a smaller error: RMSE 1.6 "
+        "against 2 N; other inputs, further terms, longer structures or more training data may "
+        "reduce the error of mapmore",
     ]
 
 
-def test_a_page_says_so_if_a_black_box_or_a_simple_model_errs_less():
+def test_a_page_says_so_if_a_black_box_or_a_simple_model_errs_less(monkeypatch):
     """Competitors that only the measurement names are not on the page of a study without them."""
     report = build(competitors={"quadratic": lambda p, _: p, "mlp": lambda p, e: surface(p, e)})
     search = Search("search", "force", "", "", 1.0, (Tried("surface", "one", {}),), 0, 0)
@@ -176,6 +180,9 @@ def test_a_page_says_so_if_a_black_box_or_a_simple_model_errs_less():
     )
     kept = (row for row in report.validation.scores if row.model != "quadratic")
     assert said_of(search, (*kept, *better)) == ("yes", {"competitor"})
+    boxed = replace(search, tried=(*search.tried, Tried("black box", "mlp", {})))
+    monkeypatch.setattr(stage, "find_spec", lambda _name: True)
+    assert said_of(boxed) == ("yes", {"competitor"})
 
 
 def test_every_alert_is_on_the_page_with_a_link_to_a_section(inputs):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from pydantic import TypeAdapter
 from pydantic_core import to_json
 
 from mapmore_cli.annexes.search.bench import Slice
+from mapmore_cli.annexes.search.black_boxes import BLACK_BOX
 from mapmore_cli.annexes.search.searching import search
 from mapmore_cli.annexes.search.trying import EMPTY, choices_of
 from mapmore_cli.domain.recording import Dataset
@@ -67,28 +69,40 @@ def run_search(part: Slice, workspace: Workspace) -> None:
 STAGE = Stage(name="search", revision=25, outputs=(SEARCH,), reads=search_slice, run=run_search)
 
 
-def formulas_beside(result: Search, every: bool = False) -> list[str]:
-    """Return the names of the formulas that become competitors: the formula of the literature that
-    has the smallest error in the search, or none if this formula is the chosen structure.
+def rivals_beside(result: Search, every: bool = False, boxes: bool = True) -> list[str]:
+    """Return the names of the competitors of a run whose spec has no list of competitors: the
+    formula of the literature that has the smallest error in the search, unless this formula is the
+    chosen structure, and the black boxes that the search fitted. If scikit-learn is not installed,
+    there are no black boxes, because competitors are fitted with it.
 
-    With `every`, all formulas are returned, because the search has then seen all data, so that the
-    best formula would be selected by its error on the held-out data.
+    - `every`: return all formulas, because the search has seen all data, so that the best formula
+      would be selected by its error on the held-out data.
+    - `boxes`: whether black boxes are returned.
     """
     formulas = [tried for tried in result.tried if tried.family == "formula" and not tried.failure]
     if not every:
         best = sorted(formulas, key=attrgetter("excess"))[:1]
         formulas = [tried for tried in best if tried is not result.found]
-    return [str(tried.sections["model"]["name"]) for tried in formulas]
+    names = [str(tried.sections["model"]["name"]) for tried in formulas]
+    if boxes and find_spec("sklearn") is not None:
+        fitted = (tried.words for tried in result.tried if tried.family == BLACK_BOX)
+        names += [words.replace(" ", "_") for words in fitted]
+    return names
 
 
 def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     """Return the spec with the structure that its search has found; unchanged if nothing was found
     yet.
 
-    If the spec names no competitors, the formula with the smallest error in the search becomes a
-    competitor, so that the page shows its error on the held-out data. If every level or group is
-    left out once, the search has seen all of them. Then all formulas are competitors. The spec also
-    records that the structure was chosen with all data, in case the spec is run without the search.
+    If the spec has no list of competitors, not even an empty one, the formula with the smallest
+    error in the search and the black boxes become competitors, so that the page shows their errors
+    on the held-out data. If every level or group is left out once, the search has seen all of them.
+    Then all formulas are competitors. The spec also records that the structure was chosen with all
+    data, in case the spec is run without the search.
+
+    Black boxes become competitors only if `split.validate` holds data out. On training data, the
+    error of a black box says nothing. If every level or group is left out once, fitting the black
+    boxes again each time would make the run slower by more than a quarter.
     """
     from mapmore_cli.study.loader import changed
     from mapmore_cli.study.yaml_dumper import as_overrides
@@ -96,11 +110,11 @@ def with_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:
     result = RunFiles(run_dir).search()
     if result is None:
         return loaded
-    settings, seen = {**EMPTY, **result.found.sections}, loaded.spec.data.split.leaves_out
-    rivals = formulas_beside(result, seen)
-    if rivals and not loaded.spec.validation.against:
+    settings, split = {**EMPTY, **result.found.sections}, loaded.spec.data.split
+    rivals = rivals_beside(result, split.leaves_out, split.hold_out is not None)
+    if rivals and "against" not in loaded.spec.validation.model_fields_set:
         settings["validate.against"] = rivals
-    if seen:
+    if split.leaves_out:
         settings["data.split.structure_seen"] = True
     return changed(loaded, as_overrides(settings))
 

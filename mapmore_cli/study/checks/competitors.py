@@ -178,7 +178,7 @@ def _other_rival(spec: ExperimentSpec, name: str, rival: Competitor, loc: Loc) -
             is_box and find_spec("sklearn") is None,
             loc,
             "`{name}` needs scikit-learn, which is not installed",
-            "install the extra: `pip install 'mapmore[baselines]'`",
+            "install the extra: `pip install 'mapmore[baselines]'`, or leave `{name}` out",
         ),
         (is_box and rival.method is not None, (*loc, "method"), "`{name}` has no `method`", REMOVE),
         name=name,

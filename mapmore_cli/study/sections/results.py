@@ -187,8 +187,9 @@ class Validate(Section):
       force. For each sample, the model is solved for this quantity. A competitor is solved in the
       same way if its target is another quantity and this study's target is one of its inputs.
       Example: `force`
-    - `against`: Competitors, which are fitted to the same data. Example: `[sarosi, {run:
-      other.yaml}]`
+    - `against`: Competitors, which are fitted to the same data. If the structure is searched and
+      this key is missing, a formula and black boxes of the search are competitors; with an empty
+      list, they are not. Example: `[sarosi, {run: other.yaml}]`
     - `simple`: If true, also compare with simple models that need no knowledge of muscles: `plane`,
       `quadratic` and `cubic` in the model's inputs, the `backbone` alone, and, if the model runs
       over time, `arx` in free run. Example: `false`
