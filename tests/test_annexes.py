@@ -11,6 +11,7 @@ import yaml
 from common import mapmore
 
 import mapmore_cli as mm
+from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.pipeline.example import write_example
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -55,6 +56,12 @@ def test_recordings_in_memory_are_those_of_the_files(example):
 def test_the_runs_of_an_example_have_the_name_of_its_folder(folder, name, tmp_path):
     study, *_ = write_example(tmp_path / folder)
     assert yaml.safe_load(study.read_text())["name"] == name
+
+
+def test_an_example_may_fill_an_empty_folder_but_no_other(tmp_path):
+    assert write_example(tmp_path)[0] == tmp_path / "study.yaml"
+    with pytest.raises(WriteError, match="is not an empty folder"):
+        write_example(tmp_path)
 
 
 def test_the_core_runs_without_annexes_and_names_each_that_is_missing(example, tmp_path):

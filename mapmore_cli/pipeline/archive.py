@@ -219,7 +219,7 @@ def made_from(run_dir: Path) -> tuple[str, list[str]]:
 
 
 def compared(
-    before: Path, after: Path, margin: float, other_settings: bool = False, output: str = ""
+    before: Path, after: Path, margin: float, other_settings: bool, output: str = ""
 ) -> Comparison:
     """Compare two models, including the settings with which their runs were made. `output` selects
     one of several outputs.

@@ -34,7 +34,7 @@ def write_example(folder: Path) -> list[Path]:
     later = [(each, folder / "autumn" / each.name) for each in _recordings(SHIPPED / "autumn")]
     specs = [(SHIPPED / spec, folder / spec) for spec in SPECS]
     with refusals_told(folder):
-        (folder / "autumn").mkdir(parents=True, exist_ok=True)
+        (folder / "autumn").mkdir(parents=True)
         for source, path in (*specs, *recordings, *later):
             text = source.read_text(encoding="utf-8")
             write_own(path, re.sub(r"^name: example", f"name: {name}", text, flags=re.MULTILINE))

@@ -456,7 +456,10 @@ class _Run:
         if other.need.overrides and before is not None and before.spec != now.spec:
             return False  # the spec of the study, and of its variation, was renamed
         return (
-            all(plan.reason is None for plan in plans_of(other, self.stages, other.last, runs))
+            all(
+                plan.reason is None
+                for plan in plans_of(other, self.stages, other.last, runs, False)
+            )
             and is_tidy(there.run_dir)
             and (other.is_kept(runs) or not there.unwritten(other.last))
         )

@@ -223,7 +223,7 @@ def plan_stages(
     run_dir: Path,
     records: Mapping[str, StageRecord],
     rehash: bool,
-    force: bool = False,
+    force: bool,
 ) -> Iterator[StagePlan]:
     """Yield the plan of every stage up to `until`, in order, from the files as they are now. If
     `stages` is not None, it replaces the stages of the `pipeline`.
@@ -271,11 +271,13 @@ def plan_stages(
 
 
 def plans_of(
-    run: Needed, stages: Sequence[Stage] | None, until: str, runs: Path, rehash: bool = False
+    run: Needed, stages: Sequence[Stage] | None, until: str, runs: Path, rehash: bool
 ) -> list[StagePlan]:
     """Return the plans of another run in the folder `runs`."""
     run_dir = runs / run.loaded.spec.name
-    return list(plan_stages(stages, until, run.loaded, run_dir, load_records(run_dir), rehash))
+    return list(
+        plan_stages(stages, until, run.loaded, run_dir, load_records(run_dir), rehash, force=False)
+    )
 
 
 def as_found(loaded: LoadedSpec, run_dir: Path) -> LoadedSpec:

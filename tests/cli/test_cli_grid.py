@@ -66,6 +66,7 @@ pressure=1:0:0.1                   a step of 0.1 never leads from 1 to 0
 pressure=0:1:1e-9                  has 1e+09 steps; at most 10000000 are
 pressure=0:1:1e-4,strain=0:1:1e-4  has 100020001 points; at most 10000000
 pressure=0:1:0.3,strain=0          not a whole number of steps
+pressure=0:1:0.4,strain=0          not a whole number of steps
 pressure=0:1:0.333333,strain=0     not a whole number of steps
 pressure=0,pressure=1,strain=0     'pressure' is given twice
 pressure=0:1:1                     no values for strain

@@ -12,7 +12,7 @@ from scipy.io import loadmat
 
 from mapmore_cli.annexes.exporting import fmu, table, verifying
 from mapmore_cli.annexes.exporting.c_source import c_source
-from mapmore_cli.annexes.exporting.exports import exported, snippet
+from mapmore_cli.annexes.exporting.exports import EXPORTERS, exported, names_of_files, snippet
 from mapmore_cli.annexes.exporting.templates import notes_of
 from mapmore_cli.domain.errors import MapmoreError, UsageError
 from mapmore_cli.domain.recording import BaseUnits, Quantity
@@ -178,6 +178,14 @@ def test_forms_without_a_call_have_no_snippet_and_unknown_forms_are_refused():
     assert snippet(pieces(), "csv", ["a.csv"]) == ""
     with pytest.raises(UsageError, match="there is no export to 'cobol'"):
         exported(pieces(), "cobol")
+
+
+@pytest.mark.parametrize("to", [form for form, row in EXPORTERS.items() if row.endings])
+def test_c_and_latex_hold_all_outputs_and_other_forms_have_files_for_each(to):
+    outputs = [SimpleNamespace(name="a"), SimpleNamespace(name="b")]
+    names = names_of_files(SimpleNamespace(name="both", each=outputs), to)
+    assert {name[0] for name in names} == ({"b"} if to in ("c", "tex") else {"a", "b"})
+    assert any(name.startswith("both") for name in names) == (to in ("c", "tex"))
 
 
 def test_an_integer_has_bits_for_fourteen_inputs_and_one_more():

@@ -95,7 +95,8 @@ def finished(tmp_path, monkeypatch):
 @pytest.mark.parametrize("name", KEPT)
 def test_files_that_are_missing_or_not_as_the_run_wrote_them_are_not_frozen(finished, name):
     kept = finished.parent
-    assert find_model("1", kept, freeze(finished, "1", kept).parent).is_file()
+    archive = kept / "new" / "archive"
+    assert find_model("1", kept, freeze(finished, "1", archive).parent).is_file()
     (finished / name).write_text(json.dumps({"name": "r", "more": 1}))
     if name in KEPT[:3]:
         with pytest.raises(DataError, match=f"{name}: was changed after the run wrote it"):

@@ -1,5 +1,7 @@
 """Columns of tables in memory: which are meant, in which units, and what a fit says of them."""
 
+from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +15,7 @@ from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.domain.scores import ScoreTable
 from mapmore_cli.pipeline import notebooks
+from mapmore_cli.pipeline.frames import Door
 from mapmore_cli.pipeline.notebooks import LoadedModel
 from mapmore_cli.pipeline.records import Reading
 from mapmore_cli.pipeline.tables_in_memory import (
@@ -199,6 +202,21 @@ def test_rates_are_columns_of_a_frame_without_a_clock(echo, monkeypatch):
     scaled = {"u": {"column": "U", "unit": "kN", "scale": 2.0}}
     assert echo.predict({"U": [1.0], "z": [5.0]}, scaled) == {"u": [2000], "z": [5]}
     assert known == [{"u", "z", "rate"}, {"u", "z", "time"}, {"u", "U", "z", "rate"}]
+
+
+def test_an_interval_holds_95_of_100_samples_unless_asked_otherwise(echo, monkeypatch):
+    monkeypatch.setattr(notebooks, "interval", lambda _model, _flat, level: np.full((2, 1), level))
+    monkeypatch.setattr(LoadedModel, "_flattened", lambda *_: (None, ()))
+    assert [end.tolist() for end in echo.interval(u=1.0)] == [0.95, 0.95]
+    assert [end.tolist() for end in echo.interval(0.5, u=1.0)] == [0.5, 0.5]
+
+
+def test_dates_are_no_numbers_unless_a_clock_is_read():
+    door = Door(lambda array, _unit: array)
+    for date in (datetime(2026, 1, 1), np.array(["2026-01-01"], "datetime64[s]")):
+        with pytest.raises(DataError):
+            door.numbers(date, "p")
+    assert replace(door, clock=True).numbers(datetime(1970, 1, 2), "time") == 86400
 
 
 def test_one_of_several_outputs_is_named(echo):

@@ -310,7 +310,7 @@ def test_a_structure_found_in_other_data_is_not_used(folder, searched):
     run_dir = run(loaded, stages, "segment").run_dir
 
     def planned():
-        plans = staleness.plan_stages(stages, "segment", loaded, run_dir, {}, rehash=False)
+        plans = staleness.plan_stages(stages, "segment", loaded, run_dir, {}, False, False)
         return [plan.stage.name for plan in plans]
 
     assert planned() == ["ingest", "search", "segment"]
@@ -339,6 +339,32 @@ def test_a_search_goes_with_its_model_and_stays_if_it_was_made_alone(
     assert {path.name for path in folder.glob("runs/.trash/*/demo/*")} == moved
     left = {path.name for path in run_dir.iterdir()}
     assert {"found.yaml", "search.json"} & left == {"found.yaml", "search.json"} - moved
+
+
+def test_no_file_of_a_search_is_moved_while_the_command_reads_one_of_them(
+    folder, searched, monkeypatch
+):
+    loaded, (ingest, search, segment) = searched
+    run_dir = run(loaded, (ingest, search, segment), "segment").run_dir
+    monkeypatch.setattr(runner, "as_found", lambda loaded, _run_dir: loaded)
+    monkeypatch.setattr(runner, "is_read", lambda path: path.name == "found.yaml")
+    run(study(folder), (ingest, segment), "segment")
+    assert (run_dir / "search.json").is_file()
+    assert not (folder / "runs" / ".trash").exists()
+
+
+def test_a_run_stops_at_errors_and_at_a_lock_unless_asked_otherwise():
+    assert (
+        Options(force=False, rehash=False, check=True, campaign=None, patient=False)
+        == runner.AS_USUAL
+    )
+
+
+def test_a_pipeline_has_a_search_after_ingest_only_if_it_is_asked_for():
+    names = ["ingest", "segment", "fit", "fuse", "validate", "report"]
+    assert [stage.name for stage in staleness.pipeline()] == names
+    names.insert(1, "search")
+    assert [stage.name for stage in staleness.pipeline(searched=True)] == names
 
 
 def test_the_copy_of_a_spec_repeats_its_run_and_no_other(folder):
@@ -373,6 +399,18 @@ def test_the_spec_of_a_run_that_is_needed_is_kept_up(folder, monkeypatch):
         monkeypatch.setattr(staleness, "load", lambda _path, other=other: other)
         run(study(folder), (needing, *others))
         assert (folder / "runs" / "other" / "experiment.yaml").read_text() == other.resolved
+
+
+def test_a_run_that_is_needed_is_repeated_if_one_of_its_stages_is_out_of_date(folder, monkeypatch):
+    ingest, fit, *others = fake_stages()
+    needing = replace(
+        ingest, needs=lambda spec: [Need("other.yaml")] if spec.name == "demo" else []
+    )
+    monkeypatch.setattr(staleness, "load", lambda _path: study(folder, name="other"))
+    for revised in (fit, replace(fit, revision=fit.revision + 1)):
+        run(study(folder), (needing, revised, *others))
+        stages = json.loads((folder / "runs" / "other" / "run.json").read_text())["stages"]
+        assert stages["fit"]["revision"] == revised.revision
 
 
 @pytest.mark.parametrize(
