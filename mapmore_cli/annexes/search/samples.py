@@ -61,10 +61,11 @@ def cut_short(dataset: Dataset, run: int, step: float | None) -> Dataset:
     share = min(MOST_SAMPLES / sum(curve.size for curve in dataset.curves), 1.0)
     short = []
     for curve in dataset.curves:
-        kept = list[IntArray]()
-        for log in curve.logs:
-            pieces = int(np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
-            kept += [part[: math.ceil(share * len(part))] for part in np.array_split(log, pieces)]
+        kept = [
+            piece[: math.ceil(share * len(piece))]
+            for log in curve.logs
+            for piece in np.array_split(log, np.clip(share * len(log) // max(run, 1), 1, BLOCKS))
+        ]
         short.append(begun(curve.at(np.sort(np.concatenate(kept))), MOST_DELAYS, step))
     return replace(dataset, curves=tuple(short))
 

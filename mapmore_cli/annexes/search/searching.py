@@ -81,17 +81,12 @@ def search(
     families = [*map(family, FAMILIES), *(plugin.value for plugin in added)]
     bench = Bench.of(training, situation, part, dataset)
     boxes = [partial(black_boxes, bench.dataset, bench.folds, situation)] if beside else []
-    trials = Trials(bench, partial(progress, "structures"))
-    outcomes = trials.outcomes(families, boxes)
+    trials = Trials(bench, partial(progress, "structures"), [])
     most = most_parameters(situation)
-    result = choose_structure(outcomes, bench, most)
-
-    def with_round(name: str) -> Search:
-        outcomes.extend(trials.outcomes([family(name)]))
-        return choose_structure(outcomes, bench, max(most, situation.samples // SHARE))
-
+    result = trials.choice(families, most, boxes)
     if part.model.prefer is None:
-        result = go_on(result, bench, with_round)
+        later = max(most, situation.samples // SHARE)
+        result = go_on(result, bench, lambda name: trials.choice([family(name)], later))
     outdone = outdone_note(result, bench)
     ended = (
         f"the budget of {part.model.budget:g} s ended before {trials.cut} of {trials.listed} "
@@ -145,24 +140,26 @@ class Trials:
 
     bench: Bench
     progress: Callable[[int, int], None]
+    outcomes: list[Outcome]
     worked: float = 0.0
     listed: int = 0
     cut: int = 0
 
-    def outcomes(
-        self, families: Sequence[Mapping[str, Any]], boxes: Sequence[Work] = ()
-    ) -> list[Outcome]:
-        """Try the structures that families offer, and the black boxes."""
-        before = self.worked
+    def choice(
+        self, families: Sequence[Mapping[str, Any]], most: float, boxes: Sequence[Work] = ()
+    ) -> Search:
+        """Try the structures that families offer, and the black boxes. Choose a structure with at
+        most `most` parameters among all structures that were tried so far.
+        """
         offered = chain(*(offered_structures(known, self.bench.situation) for known in families))
         jobs: list[Work] = [partial(self.outcomes_of, one) for one in offered]
         done = shared_out(call, [*jobs, *boxes], self.progress)
-        outcomes = [*chain(*done)]
+        self.outcomes += chain(*done)
         self.listed += len(jobs)
         self.cut += done[: len(jobs)].count([])
         # the clock of this process does not include the work of its child processes
-        self.worked = before + sum(one.seconds for one, _ in outcomes) / free_processors()
-        return outcomes
+        self.worked = sum(one.seconds for one, _ in self.outcomes) / free_processors()
+        return choose_structure(self.outcomes, self.bench, most)
 
     def outcomes_of(self, candidate: Tried) -> list[Outcome]:
         """Fit a structure to all samples and, if that succeeds, again without each fold. Return its

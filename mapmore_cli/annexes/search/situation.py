@@ -88,11 +88,10 @@ def situation_of(
     quantities are inputs. Otherwise, every quantity that varies is an input, except the `ignored`
     quantities.
     """
-    training = [curve for curve in dataset.curves if curve.training.any()]
-    columns = pooled_training(training)
-    pooled = {name: columns[name] for name in columns if name in dataset.quantities}
+    curves, pooled = dataset.curves, pooled_training(dataset.curves)
     no_inputs = (dataset.target, *NOT_INPUTS, *ignored)
-    wanted = [name for name in pooled if name not in no_inputs] if inputs is None else inputs
+    known = [name for name in pooled if name in dataset.quantities and name not in no_inputs]
+    wanted = known if inputs is None else inputs
     apart = [name for name in wanted if np.ptp(pooled[name]) > 0]
     if inputs is None:
         apart = _different(apart, pooled, dataset.level)
@@ -104,17 +103,17 @@ def situation_of(
         )
 
     def rank(name: str) -> tuple[bool, float]:
-        widths = [np.ptp(curve.columns[name][curve.training]) for curve in training]
+        widths = [np.ptp(curve.columns[name][curve.training]) for curve in curves]
         return name == dataset.level, -round(np.mean(widths) / np.ptp(pooled[name]), 3)
 
     ordered = sorted(apart, key=rank)
-    step, steps = _even_step(training) if "time" in pooled else (None, 0)
+    step, steps = _even_step(curves) if "time" in pooled else (None, 0)
     return Situation(
         target=dataset.target,
         inputs=tuple(ordered),
         level=dataset.level,
         samples=len(pooled[dataset.target]),
-        curves=len(training),
+        curves=len(curves),
         step=step,
         steps=steps,
         around_zero=tuple(name for name in ordered if pooled[name].min() < 0 < pooled[name].max()),
@@ -131,11 +130,8 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
     formulas = map(literature.get, literature.names())
     uses = Counter(name for formula in formulas for name in formula.inputs)
 
-    def rank(name: str) -> tuple[bool, int, int]:
-        return name != level, -uses[name], -names.index(name)
-
     kept: list[str] = []
-    for name in sorted(names, key=rank):
+    for name in sorted(names[::-1], key=lambda name: (name != level, -uses[name])):
         if all(abs(correlation(pooled[name], pooled[other])) < 1 - SAME for other in kept):
             kept.append(name)
     return [name for name in names if name in kept]
