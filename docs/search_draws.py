@@ -109,7 +109,7 @@ def _split(study: str, kind: str, data: str, whole: Dataset, rng: np.random.Gene
         held = rng.choice(names, max(len(names) // 3, 1), replace=False)
         return f"{{files: [{', '.join(sorted(held))}]}}"
     ignored = search_slice(shipped(SETS[study].study, *_overrides(study, "")).spec).ignored
-    of = "time" if data == "recording" else situation_of(whole, ignored).swept
+    of = "time" if data == "recording" else situation_of(whole, ignored).inputs[0]
     values = np.concatenate([curve.columns[of] for curve in whole.curves])
     low, width = float(values.min()), float(np.ptp(values))
     count = int(rng.integers(1, 4))

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from mapmore_cli.annexes.search.parts import Parts, parts_of
-from mapmore_cli.annexes.search.samples import cut_short, pooled_samples, thinned
+from mapmore_cli.annexes.search.samples import Folds, cut_short, pooled_samples, thinned
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.annexes.search.stretches import held_run, stretches
 from mapmore_cli.domain.arrays import Array, BoolArray, extremes
@@ -67,7 +67,7 @@ class Bench:
     dataset: Dataset
     study: Dataset
     situation: Situation
-    folds: tuple[BoolArray, ...]
+    folds: Folds
     blocks: int
     weights: Array
     left_out: str
@@ -99,7 +99,7 @@ class Bench:
             training,
             thinned(study, every=True),
             situation,
-            tuple(fold for kind in (inside, *kinds) for fold in kind.folds),
+            [fold for kind in (inside, *kinds) for fold in kind.folds],
             len(blocks),
             np.array(weights),
             left_out,

@@ -62,7 +62,9 @@ def go_on(first: Search, bench: Bench, with_round: Callable[[str], Search]) -> S
             break
         longer = replace(with_round(name), short=first.chosen)
         known = longer.tried[result.chosen]
-        costs = [one.excess + PRICE * np.log(max(one.parameters, 1)) for one in (longer.found, known)]
+        costs = [
+            one.excess + PRICE * np.log(max(one.parameters, 1)) for one in (longer.found, known)
+        ]
         if costs[1] - costs[0] < GAIN:
             rivals = [
                 one

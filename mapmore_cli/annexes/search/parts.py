@@ -7,11 +7,11 @@ The folds leave out the same kinds of parts as the study holds out, in the same 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mapmore_cli.annexes.search.samples import Samples
+from mapmore_cli.annexes.search.samples import Folds, Samples
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.arrays import Array, BoolArray
 from mapmore_cli.domain.recording import Curve
@@ -60,14 +60,12 @@ class Parts(NamedTuple):
     """
 
     words: str
-    folds: Sequence[BoolArray]
+    folds: Folds
     share: float
     weight: float
 
 
-def parts_of(
-    samples: Samples, situation: Situation, every: Samples, by_level: bool
-) -> list[Parts]:
+def parts_of(samples: Samples, situation: Situation, every: Samples, by_level: bool) -> list[Parts]:
     """Return the folds of every kind of part that has a weight. The folds leave out some of the
     `samples`; `every` holds all samples of the study.
 
@@ -85,7 +83,7 @@ def parts_of(
     """
     whole = ~np.isin(every.curve, every.curve[~every.held_out])
     standing = _standing(samples, situation, every, whole)
-    words, folds, end_folds, at_end = "recordings", _fair(samples), list[BoolArray](), whole
+    words, folds, end_folds, at_end = "recordings", _fair(samples), Folds(), whole
     if standing is not None:
         words, (folds, end_folds, at_end) = "levels", _neighbours(*standing, whole)
     folds, end_folds = (_taught(each, samples, situation.inputs) for each in (folds, end_folds))
@@ -109,7 +107,7 @@ def parts_of(
     return [kind for kind in kinds if kind.weight and kind.folds]
 
 
-def _shares(kinds: Sequence[BoolArray], held: BoolArray) -> list[float]:
+def _shares(kinds: Folds, held: BoolArray) -> list[float]:
     """Return the fraction of the held-out samples that belong to each kind, followed by the
     fraction that belong to none. A sample that fits several kinds belongs to the first of them. A
     fraction below `SOME` is set to zero; the others are then scaled so that their sum is one.
@@ -122,7 +120,7 @@ def _shares(kinds: Sequence[BoolArray], held: BoolArray) -> list[float]:
     return shares
 
 
-def _taught(folds: Sequence[BoolArray], samples: Curve, inputs: Sequence[str]) -> list[BoolArray]:
+def _taught(folds: Folds, samples: Curve, inputs: Sequence[str]) -> Folds:
     """Return at most `MOST_PARTS` of the folds, restricted to training samples. A fold is used only
     if every input still varies in the samples that remain, because nothing can be learnt about a
     constant input.
@@ -150,7 +148,7 @@ def _remaining(samples: Curve) -> Array:
 
 def _standing(
     samples: Samples, situation: Situation, every: Samples, whole: BoolArray
-) -> tuple[Array, Array] | None:
+) -> tuple[Any, Any] | None:
     """Return the values of the quantity that distinguishes the curves that are held out as a whole
     (`whole`), at the training samples and at all samples of the study: the levels if there are
     levels; otherwise an input that is constant in every curve and whose values in these curves
@@ -168,9 +166,7 @@ def _standing(
     return None
 
 
-def _neighbours(
-    at: Array, every: Array, whole: BoolArray
-) -> tuple[list[BoolArray], list[BoolArray], BoolArray]:
+def _neighbours(at: Array, every: Array, whole: BoolArray) -> tuple[Folds, Folds, BoolArray]:
     """Return inner folds, end folds, and a mask of the samples of the study that lie beyond all
     training values, (m,).
 
@@ -201,9 +197,7 @@ def _neighbours(
     return inner, ends, (every < known[0]) | (every > known[-1])
 
 
-def _beyond(
-    samples: Samples, situation: Situation, every: Samples
-) -> tuple[list[BoolArray], BoolArray]:
+def _beyond(samples: Samples, situation: Situation, every: Samples) -> tuple[Folds, BoolArray]:
     """Return folds, (n,), that leave out an end of the range of an input, and a mask of the samples
     of the study beyond these ends, (m,). An end is left out if the study holds out samples beyond
     it; the fold is as wide as the part that the study holds out there, but at most the fraction
@@ -213,7 +207,7 @@ def _beyond(
     outside it, each curve has its own range. No fold is returned if too few lie outside these
     ranges either, or if samples are in the order of time.
     """
-    held, folds = every.held_out, list[BoolArray]()
+    held, folds = every.held_out, Folds()
     beyond = np.zeros_like(held)
     for of_each in () if situation.timed else (False, True):
         for name in () if folds else situation.inputs:
@@ -246,7 +240,7 @@ def _from_ends(samples: Samples, name: str, of_each: bool) -> Array:
     return distances
 
 
-def _fair(samples: Curve) -> list[BoolArray]:
+def _fair(samples: Curve) -> Folds:
     """Return folds, (n,), that leave out one log each. Only logs with a number of training samples
     within the limits `FAIR` are left out. Return an empty list if there are fewer than two such
     logs.

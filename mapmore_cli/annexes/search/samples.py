@@ -9,7 +9,7 @@ from itertools import count
 
 import numpy as np
 
-from mapmore_cli.domain.arrays import Array, IntArray
+from mapmore_cli.domain.arrays import Array, BoolArray, IntArray
 from mapmore_cli.domain.recording import Curve, Dataset
 from mapmore_cli.modelling.memory.records import begun
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
@@ -23,6 +23,11 @@ along every curve; for models that use the past, long pieces of recordings are u
 MOST_DELAYS = 4
 """Largest delay of the output in the candidates that feed it back. Every piece of a recording
 begins with this number of known outputs.
+"""
+
+Folds = list[BoolArray]
+"""Folds over all samples of a dataset, as a mask for each fold, (n,). The fold leaves out the
+samples at which its mask is True.
 """
 
 
@@ -112,7 +117,10 @@ def pooled_samples(dataset: Dataset) -> Samples:
     return Samples(
         "",
         None,
-        {name: np.concatenate([each.columns[name] for each in curves]) for name in curves[0].columns},
+        {
+            name: np.concatenate([each.columns[name] for each in curves])
+            for name in curves[0].columns
+        },
         np.concatenate([each.held_out for each in curves]),
         (),
         np.concatenate([~each.training for each in curves]),

@@ -12,7 +12,7 @@ from functools import cache, partial
 from importlib.resources import files
 from itertools import chain
 from operator import call
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import yaml
 
@@ -21,6 +21,7 @@ from mapmore_cli.annexes.search.black_boxes import Outcome, black_boxes
 from mapmore_cli.annexes.search.candidate import (
     MOST_PARAMETERS,
     SHARE,
+    Named,
     offered_structures,
 )
 from mapmore_cli.annexes.search.choosing import PLAIN, choose_structure
@@ -45,10 +46,10 @@ left out.
 
 
 @cache
-def family(name: str) -> Mapping[str, Any]:
+def family(name: str) -> Named:
     """Return the contents of a file of candidates (`annexes/search/families/NAME.yaml`)."""
     path = files(__package__).joinpath("families", f"{name}.yaml")
-    document: Mapping[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+    document: Named = yaml.safe_load(path.read_text(encoding="utf-8"))
     return document
 
 
@@ -145,9 +146,7 @@ class Trials:
     listed: int = 0
     cut: int = 0
 
-    def choice(
-        self, families: Sequence[Mapping[str, Any]], most: float, boxes: Sequence[Work] = ()
-    ) -> Search:
+    def choice(self, families: Sequence[Named], most: float, boxes: Sequence[Work] = ()) -> Search:
         """Try the structures that families offer, and the black boxes. Choose a structure with at
         most `most` parameters among all structures that were tried so far.
         """

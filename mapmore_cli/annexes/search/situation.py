@@ -75,11 +75,6 @@ class Situation:
         """Names of the inputs that move within a recording."""
         return tuple(name for name in self.inputs if name != self.level)
 
-    @property
-    def swept(self) -> str:
-        """Name of the input that moves most within recordings."""
-        return self.inputs[0]
-
 
 def situation_of(
     dataset: Dataset, ignored: Sequence[str] = (), inputs: Sequence[str] | None = None
@@ -131,7 +126,7 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
     uses = Counter(name for formula in formulas for name in formula.inputs)
 
     kept: list[str] = []
-    for name in sorted(names[::-1], key=lambda name: (name != level, -uses[name])):
+    for name in sorted(names, key=lambda name: (name != level, -uses[name], -names.index(name))):
         if all(abs(correlation(pooled[name], pooled[other])) < 1 - SAME for other in kept):
             kept.append(name)
     return [name for name in names if name in kept]

@@ -10,9 +10,9 @@ from itertools import groupby
 
 import numpy as np
 
-from mapmore_cli.annexes.search.samples import Samples
+from mapmore_cli.annexes.search.samples import Folds, Samples
 from mapmore_cli.annexes.search.situation import Situation
-from mapmore_cli.domain.arrays import BoolArray, IntArray
+from mapmore_cli.domain.arrays import IntArray
 from mapmore_cli.domain.recording import Curve
 from mapmore_cli.fitting.refitting import contiguous
 from mapmore_cli.modelling.pieces.cross_validation import BLOCKS
@@ -26,7 +26,7 @@ of samples.
 
 def stretches(
     samples: Samples, situation: Situation, held_out: Holdout | None, run: int
-) -> tuple[str, list[BoolArray]]:
+) -> tuple[str, Folds]:
     """Return a description of the folds, and their masks, (n,) each. Each fold leaves out a part of
     every curve.
 
@@ -44,7 +44,7 @@ def stretches(
     bands = _bands(samples, {} if held_out is None else held_out.quantities, situation.moving)
     if bands:
         return f"each of {len(bands)} bands of an input, as wide as those held out", bands
-    folds: list[BoolArray] = []
+    folds: Folds = []
     for name in situation.moving:
         x, inner = samples.columns[name], [np.arange(0)]
         for rows in samples.curves:
@@ -56,7 +56,7 @@ def stretches(
     return words, folds
 
 
-def _windows(logs: Sequence[IntArray], size: int, run: int) -> list[BoolArray]:
+def _windows(logs: Sequence[IntArray], size: int, run: int) -> Folds:
     """Return the masks of `BLOCKS` folds, (size,) each. In each recording, a fold leaves out
     stretches of about `run` samples: up to `BLOCKS` stretches if they are short, or a single
     stretch if it is long. Long stretches of different folds may overlap.
@@ -86,16 +86,14 @@ def held_run(samples: Curve) -> int:
     return int(np.quantile(np.repeat(runs, runs), 0.5, method="lower")) if runs else 0
 
 
-def _bands(
-    samples: Curve, held_out: Mapping[str, object], inputs: Sequence[str]
-) -> list[BoolArray]:
+def _bands(samples: Curve, held_out: Mapping[str, object], inputs: Sequence[str]) -> Folds:
     """Return folds that leave out bands of an input, as wide as the bands that the study holds out.
     The bands lie around evenly spaced quantiles of the samples.
 
     Bands are used because a block in the order of time would not test interpolation: if an input
     was swept more than once, its values in the block also occur outside the block.
     """
-    folds: list[BoolArray] = []
+    folds: Folds = []
     for name, held in held_out.items():
         if name in inputs and isinstance(held, Between):
             low, high = np.array(held.between).T

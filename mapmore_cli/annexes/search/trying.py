@@ -4,17 +4,16 @@ diverges.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from mapmore_cli.annexes.search.bench import Bench, Slice
 from mapmore_cli.annexes.search.black_boxes import SHOWN, Outcome
-from mapmore_cli.annexes.search.candidate import BEYOND, continuations
+from mapmore_cli.annexes.search.candidate import BEYOND, Named, continuations
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, extremes
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -28,7 +27,7 @@ from mapmore_cli.modelling.pieces.remarks import exploding_curves
 
 _CHOICES = TypeAdapter(ModelChoices)
 
-EMPTY: Mapping[str, Any] = {
+EMPTY: Named = {
     "segment": {},
     "dictionary": [],
     "model": {"type": "mapmore"},
@@ -37,7 +36,7 @@ EMPTY: Mapping[str, Any] = {
 """Sections that define a structure, with their values if the structure does not set them."""
 
 
-def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
+def choices_of(sections: Named, part: Slice) -> ModelChoices:
     """Return the settings of a model: the sections of a candidate, and the settings of the study
     that no candidate changes.
     """
