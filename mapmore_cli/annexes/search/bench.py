@@ -126,7 +126,6 @@ class Bench:
         at all inputs of the study, because inputs outside the training data may have outputs
         outside the measured range.
         """
-        target = self.study.target
         plane = polynomial_fit(1, self.study, self.situation.inputs)
-        measured = pooled_training(self.study.curves)[target]
+        measured = pooled_training(self.study.curves)[self.study.target]
         return extremes(np.concatenate([measured, *(plane.of_curves(self.study) if plane else ())]))

@@ -58,14 +58,14 @@ def continuations(candidate: Tried) -> list[Tried]:
     The first copy has the behaviour that the candidate itself sets; if it sets none, it holds the
     value at the end of the curve.
     """
-    own = candidate.sections.get(BEYOND, "saturate")
+    own = {candidate.sections.get(BEYOND, "saturate"): ""}
     return [
         replace(
             candidate,
-            words=candidate.words + WAYS[way] * (way != own),
+            words=candidate.words + added,
             sections={**candidate.sections, BEYOND: way},
         )
-        for way in sorted(WAYS, key=lambda way: way != own)
+        for way, added in (own | WAYS | own).items()
     ]
 
 

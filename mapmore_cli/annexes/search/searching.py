@@ -12,7 +12,6 @@ from functools import cache, partial
 from importlib.resources import files
 from itertools import chain
 from operator import call
-from typing import TYPE_CHECKING
 
 import yaml
 
@@ -33,11 +32,9 @@ from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
+from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.pipeline.processors import free_processors, shared_out
-
-if TYPE_CHECKING:
-    from mapmore_cli.fitting.stage import Progress
 
 FAMILIES = ("tables", "states", "friction", "feedback")
 """Files of candidates in the order in which they are tried. If time is short, the last ones are

@@ -6,13 +6,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.memory.records import sampled
@@ -102,7 +103,13 @@ def situation_of(
         return name == dataset.level, -round(np.mean(widths) / np.ptp(pooled[name]), 3)
 
     ordered = sorted(apart, key=rank)
-    step, steps = _even_step(curves) if "time" in pooled else (None, 0)
+    step, steps = None, 0
+    if "time" in pooled:
+        with suppress(DataError):
+            even, _, records = sampled(curves)
+            longest = max(record.size for record in records) - 1
+            if longest >= FEWEST_IN_A_RECORD:
+                step, steps = even, longest
     return Situation(
         target=dataset.target,
         inputs=tuple(ordered),
@@ -130,16 +137,3 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
         if all(abs(correlation(pooled[name], pooled[other])) < 1 - SAME for other in kept):
             kept.append(name)
     return [name for name in names if name in kept]
-
-
-def _even_step(curves: Sequence[Curve]) -> tuple[float | None, int]:
-    """Return the equal time step, s, and the number of steps in the longest uninterrupted
-    recording. Return None and 0 if samples are not in the order of time at equal steps, or if the
-    longest recording is too short for models with memory.
-    """
-    try:
-        step, _, records = sampled(curves)
-    except DataError:
-        return None, 0
-    most = max(record.size for record in records) - 1
-    return (step, most) if most >= FEWEST_IN_A_RECORD else (None, 0)
