@@ -48,7 +48,7 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
     enough for it to describe the end of the range.
     """
     tried = [one for one, _ in outcomes]
-    fitted = np.array([not one.failure for one in tried], dtype=np.bool_)
+    fitted = np.array([not one.failure for one in tried], dtype=bool)
     sizes, kinds = np.array([one.parameters for one in tried]), [one.family for one in tried]
     eligible = fitted & ~np.isin(kinds, SHOWN) & (sizes <= most)
     if not eligible.any():
@@ -80,8 +80,8 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
             errors=tuple(errors[number].tolist()),
             error=error,
             parts=parts,
-            excess=float(rank.excess[number]),
-            spread=float(rank.spread[number]),
+            excess=rank.excess[number],
+            spread=rank.spread[number],
             failure=WORSE_INSIDE if refused[number] else "",
         )
     return Search(

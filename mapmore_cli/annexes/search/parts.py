@@ -116,8 +116,7 @@ def _shares(kinds: Folds, held: BoolArray) -> list[float]:
     counts = np.bincount(first, minlength=len(kinds) + 1)
     counts[-1] += not len(first)
     counts *= counts >= SOME * counts.sum()
-    shares: list[float] = (counts / counts.sum()).tolist()
-    return shares
+    return list(counts / counts.sum())
 
 
 def _taught(folds: Folds, samples: Curve, inputs: Sequence[str]) -> Folds:

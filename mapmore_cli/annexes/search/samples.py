@@ -40,7 +40,7 @@ def searchable(dataset: Dataset) -> Dataset:
     """
     curves = []
     for curve in dataset.curves:
-        between = np.zeros(curve.size, dtype=np.bool_)
+        between = np.zeros(curve.size, dtype=bool)
         for log in curve.logs:
             rows = np.flatnonzero(curve.training[log])
             if len(rows):
@@ -126,5 +126,5 @@ def pooled_samples(dataset: Dataset) -> Samples:
         np.concatenate([~each.training for each in curves]),
         np.concatenate(logs),
         curve=curve,
-        levels=np.array([each.level for each in curves], dtype=np.float64)[curve],
+        levels=np.array([each.level for each in curves], dtype=float)[curve],
     )

@@ -59,9 +59,10 @@ def stretches(
 def _windows(logs: Sequence[IntArray], size: int, run: int) -> Folds:
     """Return the masks of `BLOCKS` folds, (size,) each. In each recording, a fold leaves out
     stretches of about `run` samples: up to `BLOCKS` stretches if they are short, or a single
-    stretch if it is long. Long stretches of different folds may overlap.
+    stretch if it is long. Long stretches of different folds may overlap. `logs` holds the row
+    numbers of the training samples of each recording.
     """
-    masks = np.zeros((BLOCKS, size), dtype=np.bool_)
+    masks = np.zeros((BLOCKS, size), dtype=bool)
     for rows in logs:
         n = len(rows)
         count = BLOCKS * int(np.clip(n / (BLOCKS * max(run, 1)), 1, BLOCKS))
