@@ -80,9 +80,9 @@ class Situation:
 def situation_of(
     dataset: Dataset, ignored: Sequence[str] = (), inputs: Sequence[str] | None = None
 ) -> Situation:
-    """Return the properties of the training samples of a dataset. If `inputs` is given, only these
-    quantities are inputs. Otherwise, every quantity that varies is an input, except the `ignored`
-    quantities.
+    """Return the properties of the training samples of a dataset. Every curve has at least one
+    training sample. If `inputs` is given, only these quantities are inputs. Otherwise, every
+    quantity that varies is an input, except the `ignored` quantities.
     """
     curves, pooled = dataset.curves, pooled_training(dataset.curves)
     no_inputs = (dataset.target, *NOT_INPUTS, *ignored)
