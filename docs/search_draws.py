@@ -23,6 +23,7 @@ from pages import DOCS, asked, read_rows, run, scores, shipped, write_tables
 from search_tables import BARE, LATEST, NEAR, SETS, SLACK, WORSE, alerts_without_rivals, says_so
 
 from mapmore_cli.annexes.search.black_boxes import BLACK_BOX
+from mapmore_cli.annexes.search.samples import searchable
 from mapmore_cli.annexes.search.situation import situation_of
 from mapmore_cli.annexes.search.stage import STAGE, search_slice
 from mapmore_cli.annexes.search.trying import choices_of
@@ -109,7 +110,7 @@ def _split(study: str, kind: str, data: str, whole: Dataset, rng: np.random.Gene
         held = rng.choice(names, max(len(names) // 3, 1), replace=False)
         return f"{{files: [{', '.join(sorted(held))}]}}"
     ignored = search_slice(shipped(SETS[study].study, *_overrides(study, "")).spec).ignored
-    of = "time" if data == "recording" else situation_of(whole, ignored).swept
+    of = "time" if data == "recording" else situation_of(searchable(whole), ignored).inputs[0]
     values = np.concatenate([curve.columns[of] for curve in whole.curves])
     low, width = float(values.min()), float(np.ptp(values))
     count = int(rng.integers(1, 4))

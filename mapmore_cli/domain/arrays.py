@@ -7,6 +7,7 @@ whole column.
 
 from __future__ import annotations
 
+import math
 import mmap
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -77,8 +78,8 @@ def columns_at(columns: Columns, rows: slice | IntArray | BoolArray) -> dict[str
 
 
 def root_mean_square(values: Array) -> float:
-    """Return `sqrt(mean(x^2))` of all values."""
-    return float(np.sqrt(np.mean(values**2)))
+    """Return `sqrt(mean(x^2))` of all values; NaN without values."""
+    return float(np.sqrt(np.mean(values**2))) if values.size else math.nan
 
 
 ROWS, WIDE = 1 << 14, 1 << 17

@@ -110,7 +110,7 @@ def errors_of(folds: Folds, remade: Callable[[Dataset], Model]) -> list[float]:
                 for curve, out, predicted in every
             ]
         )
-        error = root_mean_square(errors) / folds.scale if len(errors) else np.inf
+        error = root_mean_square(errors) / folds.scale
         nrmse.append(error if np.isfinite(error) else float("inf"))
     return nrmse
 

@@ -7,12 +7,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
 
 import numpy as np
 
-from mapmore_cli.annexes.search.parts import parts_of
-from mapmore_cli.annexes.search.samples import cut_short, ends_of, thinned
+from mapmore_cli.annexes.search.parts import Parts, parts_of
+from mapmore_cli.annexes.search.samples import Folds, cut_short, pooled_samples, thinned
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.annexes.search.stretches import held_run, stretches
 from mapmore_cli.domain.arrays import Array, BoolArray, extremes
@@ -68,7 +67,7 @@ class Bench:
     dataset: Dataset
     study: Dataset
     situation: Situation
-    folds: tuple[BoolArray, ...]
+    folds: Folds
     blocks: int
     weights: Array
     left_out: str
@@ -82,26 +81,27 @@ class Bench:
         data of the `study`. Long recordings are shortened first. Raises DataError if no sample can
         be left out.
         """
-        run = held_run(study)
+        every = pooled_samples(study)
+        run = held_run(every)
         training = cut_short(training, run, situation.step)
-        left_out, folds = stretches(training, situation, part.held_out, run)
+        samples = pooled_samples(training)
+        left_out, folds = stretches(samples, situation, part.held_out, run)
         blocks = [fold for fold in folds if fold.any()]
-        kinds = parts_of(training, situation, study, part.by_level)
-        if not blocks and not kinds:
+        kinds = parts_of(samples, situation, every, part.by_level)
+        inside = Parts(left_out, blocks, 0.0, 1 - sum(kind.weight for kind in kinds))
+        weights = [kind.weight / len(kind.folds) for kind in (inside, *kinds) for _ in kind.folds]
+        if not weights:
             raise DataError(
                 "`model: {type: auto}` leaves out training samples, and there are too few of them",
                 "loosen `data.keep`, hold out less, or add recordings",
             )
-        parts = [kind.weight for kind in kinds]
-        counts = [len(blocks), *(len(kind.folds) for kind in kinds)]
-        weights = np.array([1 - sum(parts), *parts]) / np.maximum(counts, 1)
         return cls(
             training,
-            thinned(study),
+            thinned(study, every=True),
             situation,
-            (*blocks, *chain.from_iterable(kind.folds for kind in kinds)),
+            [fold for kind in (inside, *kinds) for fold in kind.folds],
             len(blocks),
-            np.repeat(weights, counts),
+            np.array(weights),
             left_out,
             " and ".join(
                 f"each of {len(kind.folds)} {kind.words} ({kind.weight:.0%} of the weight)"
@@ -116,7 +116,8 @@ class Bench:
         """For each fold, a list with one mask for every curve, which is True for the samples that
         the fold leaves out.
         """
-        return [np.split(fold, ends_of(self.dataset)) for fold in self.folds]
+        ends = np.cumsum([curve.size for curve in self.dataset.curves])[:-1]
+        return [np.split(fold, ends) for fold in self.folds]
 
     @cached_property
     def range(self) -> tuple[float, float]:
@@ -125,7 +126,6 @@ class Bench:
         at all inputs of the study, because inputs outside the training data may have outputs
         outside the measured range.
         """
-        target = self.study.target
         plane = polynomial_fit(1, self.study, self.situation.inputs)
-        measured = pooled_training(self.study.curves)[target]
+        measured = pooled_training(self.study.curves)[self.study.target]
         return extremes(np.concatenate([measured, *(plane.of_curves(self.study) if plane else ())]))

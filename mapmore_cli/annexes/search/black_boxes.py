@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from mapmore_cli.annexes.search.samples import pooled_samples
+from mapmore_cli.annexes.search.samples import Folds, pooled_samples
 from mapmore_cli.annexes.search.situation import Situation
-from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Tried
 from mapmore_cli.fitting.baselines import DELAYS, features, learned
@@ -40,9 +40,7 @@ that the structure does not predict.
 """
 
 
-def black_boxes(
-    dataset: Dataset, folds: Sequence[BoolArray], situation: Situation
-) -> list[Outcome]:
+def black_boxes(dataset: Dataset, folds: Folds, situation: Situation) -> list[Outcome]:
     """Return each black box with its errors on the left-out samples of every fold: a Gaussian
     process for tables and, if scikit-learn is installed, gradient boosting.
 

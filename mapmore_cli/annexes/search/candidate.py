@@ -8,12 +8,16 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import chain, product
-from math import ceil, comb
+from math import ceil, comb, inf
 from typing import Any
 
 from mapmore_cli.annexes.search.situation import Situation
 from mapmore_cli.domain.results import Tried
 from mapmore_cli.modelling import literature
+
+Named = Mapping[str, Any]
+"""Values by name: sections of a spec, with or without placeholders, or the values of placeholders.
+"""
 
 MOST_PARAMETERS = 28
 """Largest number of parameters of a structure that a search may choose for a table. If a cubic
@@ -26,11 +30,6 @@ SHARE = 40
 
 SIZED = ("simple", "longer")
 """Kinds whose `max_terms` does not grow with the number of inputs."""
-
-MOST = ("inputs", "most_moving", "samples")
-"""Keys of the conditions of a candidate that give the largest allowed number. All other keys give
-the smallest allowed number.
-"""
 
 FORMULAS = ("sarosi", "sarosi_hinged", "kerscher")
 FORCE = "force"
@@ -59,18 +58,18 @@ def continuations(candidate: Tried) -> list[Tried]:
     The first copy has the behaviour that the candidate itself sets; if it sets none, it holds the
     value at the end of the curve.
     """
-    own = candidate.sections.get(BEYOND, "saturate")
+    own = {candidate.sections.get(BEYOND, "saturate"): ""}
     return [
         replace(
             candidate,
-            words=candidate.words + WAYS[way] * (way != own),
+            words=candidate.words + added,
             sections={**candidate.sections, BEYOND: way},
         )
-        for way in sorted(WAYS, key=lambda way: way != own)
+        for way, added in (own | WAYS | own).items()
     ]
 
 
-def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tried]:
+def offered_structures(family: Named, of: Situation) -> Iterator[Tried]:
     """Yield the candidates that a family offers for a study: the items of its `candidates`, with
     values in place of their placeholders. None of them has been tried yet. Candidates without their
     own settings in `fit` get those of the family.
@@ -79,42 +78,38 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tri
         return
     pooled = {} if of.level is None else {of.level: "none"}
     for one in family["candidates"]:
-        if not _applies(one.get("when", {}), of):
-            continue
-        for values in combinations(one.get("for", {}), vocabulary(of)):
+        entry = {"kind": family["kind"], "when": {}, "for": {}, **one}
+        when, loops = entry.pop("when"), entry.pop("for")
+        for values in combinations(loops, vocabulary(of)) if _applies(when, of) else ():
             words = vocabulary(of, **values)
-            parts = {
-                key: filled(part, words) for key, part in one.items() if key not in ("when", "for")
-            }
-            kind, name = parts.pop("kind", family["kind"]), parts.pop("words")
+            parts = filled(entry, words)
+            kind, name = parts.pop("kind"), parts.pop("words")
             if "dictionary" in parts:
-                fit = {**filled(family["fit"], words), **parts.get("fit", {})}
+                fit = filled(family["fit"], words) | parts.get("fit", {})
                 if not of.timed and kind not in SIZED:
                     fit["max_terms"] = ceil(fit["max_terms"] * max(len(of.inputs) + 1, 3) / 3)
-                parts |= {"segment": {**pooled, **parts.get("segment", {})}, "fit": fit}
+                parts |= {"segment": pooled | parts.get("segment", {}), "fit": fit}
             yield Tried(kind, name, parts)
 
 
-def _applies(when: Mapping[str, int], of: Situation) -> bool:
+def _applies(when: Named, of: Situation) -> bool:
     """Return True if the study fulfils the conditions in `when`, which holds a number for each key.
-    The property of the study must be at most this number for the keys in `MOST`: `inputs: 4`
-    requires at most four inputs. It must be at least this number for all other keys: `steps: 256`
-    requires at least 256 steps.
+    For the keys in `most`, the property of the study must be at most this number: `inputs: 4`
+    requires at most four inputs. For the keys in `least`, it must be at least this number: `steps:
+    256` requires at least 256 steps.
     """
-    has = {
-        "inputs": len(of.inputs),
-        "most_moving": len(of.moving),
-        "samples": of.samples,
+    most = {"inputs": len(of.inputs), "most_moving": len(of.moving), "samples": of.samples}
+    least = {
         "least_inputs": len(of.inputs),
         "moving": len(of.moving),
         "steps": of.steps * of.timed,
         "tables": not of.timed,
         "ordered": of.ordered,
-        "levels": of.curves if of.level in of.inputs else when.get("levels", 0),
+        "levels": of.curves if of.level in of.inputs else inf,
         "by_level": of.level is not None and len(of.inputs) == 2 and of.curves > 1,
     }
     return bool(of.inputs) and all(
-        has[key] <= n if key in MOST else has[key] >= n for key, n in when.items()
+        most[key] <= n if key in most else least[key] >= n for key, n in when.items()
     )
 
 
@@ -140,8 +135,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     inputs, moving, count = [*of.inputs], [*of.moving], len(of.inputs)
     without = more.get("OUT", more.get("VELOCITY"))
     rest = [name for name in moving if name != without]
-    zero = [name for name in moving if name in of.around_zero]
-    rates = [name for name in moving if name not in of.around_zero and len(moving) <= 2]
+    others = [name for name in moving if name not in of.around_zero]
     taus = [steps * of.step for steps in DECADES if of.step and 2 * steps <= of.steps]
     formulas = [
         name
@@ -153,7 +147,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
     return {
         "INPUTS": inputs,
         "MOVING": moving,
-        "SWEPT": of.swept,
+        "SWEPT": of.inputs[0],
         "OTHERS": inputs[1:],
         "LEVEL": of.level,
         "SPARE": [name for name in inputs if {*moving} - {name}],
@@ -166,8 +160,8 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
         "CUBIC": comb(count + 3, 3),
         "MANY": min(max(MOST_PARAMETERS, of.samples // SHARE), 200),
         "FORMULAS": formulas,
-        "AROUND_ZERO": zero,
-        "VELOCITIES": [*of.around_zero, *(f"rate({name})" for name in rates)],
+        "AROUND_ZERO": [name for name in moving if name in of.around_zero],
+        "VELOCITIES": [*of.around_zero, *(f"rate({name})" for name in others if len(moving) <= 2)],
         "DECADES": taus,
         "MIDDLE_DECADES": taus[1:3],
         **more,
@@ -177,7 +171,7 @@ def vocabulary(of: Situation, **more: Any) -> dict[str, Any]:
 WORD = re.compile(r"[A-Z][A-Z_]+|\bN\b")
 
 
-def filled(part: Any, words: Mapping[str, Any]) -> Any:
+def filled(part: Any, words: Named) -> Any:
     """Return a part of a spec with values in place of its placeholders.
 
     If an item of a list is replaced by several values, all of them become items of the list.
@@ -203,7 +197,7 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
     return part
 
 
-def combinations(loops: Mapping[Any, Any], words: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+def combinations(loops: Mapping[Any, Any], words: Named) -> Iterator[Named]:
     """Yield each combination of the values of several placeholders, as a mapping from the
     placeholder to its value.
     """

@@ -48,10 +48,9 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
     enough for it to describe the end of the range.
     """
     tried = [one for one, _ in outcomes]
-    usable = [number for number, one in enumerate(tried) if not one.failure]
-    sizes = np.array([tried[number].parameters for number in usable])
-    kinds = [tried[number].family for number in usable]
-    eligible = ~np.isin(kinds, SHOWN) & (sizes <= most)
+    fitted = np.array([not one.failure for one in tried], dtype=bool)
+    sizes, kinds = np.array([one.parameters for one in tried]), [one.family for one in tried]
+    eligible = fitted & ~np.isin(kinds, SHOWN) & (sizes <= most)
     if not eligible.any():
         reasons = next((one.failure for one in tried if one.failure), "there was no time for any")
         raise FitError(
@@ -60,7 +59,8 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
         )
     target, over_time, decide = bench.dataset.target, bench.situation.timed, bench.weights > 0
     scale = float(np.ptp(pooled_training(bench.dataset.curves)[target])) or 1.0
-    errors = on_common_rows([outcomes[number][1] for number in usable]) / scale
+    errors = np.full((len(tried), len(decide)), np.inf)
+    errors[fitted] = on_common_rows([left for _, left in outcomes if left]) / scale
     plain = eligible & np.isin(kinds, PLAIN)
     refused = np.zeros_like(plain)
     if plain.any() and bench.blocks and decide.sum() == 1:
@@ -73,16 +73,16 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
     chosen = min(
         np.flatnonzero(as_good), key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen
     )
-    for place, number in enumerate(usable):
-        blocks, parts = np.split(errors[place], [bench.blocks])
+    for number in np.flatnonzero(fitted):
+        error, parts = map(root_mean_square, np.split(errors[number], [bench.blocks]))
         tried[number] = replace(
             tried[number],
-            errors=tuple(errors[place].tolist()),
-            error=root_mean_square(blocks) if blocks.size else np.nan,
-            parts=root_mean_square(parts) if parts.size else np.nan,
-            excess=float(rank.excess[place]),
-            spread=float(rank.spread[place]),
-            failure=WORSE_INSIDE if refused[place] else "",
+            errors=tuple(errors[number].tolist()),
+            error=error,
+            parts=parts,
+            excess=rank.excess[number],
+            spread=rank.spread[number],
+            failure=WORSE_INSIDE if refused[number] else "",
         )
     return Search(
         "search",
@@ -91,8 +91,8 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
         bench.parts_left_out,
         scale,
         tuple(tried),
-        usable[rank.best],
-        usable[chosen],
+        rank.best,
+        int(chosen),
         BY_MEDIAN if over_time else BY_MEAN,
     )
 

@@ -61,27 +61,21 @@ def go_on(first: Search, bench: Bench, with_round: Callable[[str], Search]) -> S
         if not outdone_note(result, bench):
             break
         longer = replace(with_round(name), short=first.chosen)
+        known = longer.tried[result.chosen]
         costs = [
-            one.excess + PRICE * np.log(max(one.parameters, 1))
-            for one in (longer.found, longer.tried[result.chosen])
+            one.excess + PRICE * np.log(max(one.parameters, 1)) for one in (longer.found, known)
         ]
         if costs[1] - costs[0] < GAIN:
-            return replace(longer, chosen=_least(longer, result.chosen))
+            rivals = [
+                one
+                for one in longer.tried
+                if not one.failure and one.family not in SHOWN
+                if one.parameters <= known.parameters
+            ]
+            least = min([known, *rivals], key=attrgetter("excess"))
+            return replace(longer, chosen=longer.tried.index(least))
         result = longer
     return result
-
-
-def _least(result: Search, number: int) -> int:
-    """Return the index of the structure with the smallest error among all that have at most as many
-    parameters as the structure with the index `number`. At equal errors, return `number`.
-    """
-    rivals = [
-        place
-        for place, rival in enumerate(result.tried)
-        if not rival.failure and rival.family not in SHOWN
-        if rival.parameters <= result.tried[number].parameters
-    ]
-    return min([number, *rivals], key=lambda place: result.tried[place].excess)
 
 
 def longer_note(result: Search) -> str:

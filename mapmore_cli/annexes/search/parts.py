@@ -10,12 +10,11 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from mapmore_cli.annexes.search.samples import pooled_samples
+from mapmore_cli.annexes.search.samples import Folds, Samples
 from mapmore_cli.annexes.search.situation import Situation
-from mapmore_cli.domain.arrays import Array, BoolArray, extremes
-from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.arrays import Array, BoolArray
+from mapmore_cli.domain.recording import Curve
 from mapmore_cli.modelling.signals.sampling import even_share
 
 BEHIND = (0.2, 0.35, 0.5)
@@ -61,13 +60,14 @@ class Parts(NamedTuple):
     """
 
     words: str
-    folds: Sequence[BoolArray]
+    folds: Folds
     share: float
     weight: float
 
 
-def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: bool) -> list[Parts]:
-    """Return the folds of every kind of part that has a weight.
+def parts_of(samples: Samples, situation: Situation, every: Samples, by_level: bool) -> list[Parts]:
+    """Return the folds of every kind of part that has a weight. The folds leave out some of the
+    `samples`; `every` holds all samples of the study.
 
     Each held-out sample of the study belongs to the first kind in this list that it fits, or to a
     stretch if it fits none:
@@ -81,18 +81,16 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
     ends, because no other folds can predict the error beyond the range. With `by_level`, the study
     leaves out every level in turn.
     """
-    samples, every = pooled_samples(dataset), pooled_samples(study)
-    whole = _of_curves(study, [curve.held_out.all() for curve in study.curves])
-    standing = _standing(situation.inputs, study, every, whole)
-    words, folds, end_folds, at_end = "recordings", _fair(samples), list[BoolArray](), whole
+    whole = ~np.isin(every.curve, every.curve[~every.held_out])
+    standing = _standing(samples, situation, every, whole)
+    words, folds, end_folds, at_end = "recordings", _fair(samples), Folds(), whole
     if standing is not None:
-        at, every_at = (_values(data, standing) for data in (dataset, study))
-        words, (folds, end_folds, at_end) = "levels", _neighbours(at, every_at, whole)
+        words, (folds, end_folds, at_end) = "levels", _neighbours(*standing, whole)
     folds, end_folds = (_taught(each, samples, situation.inputs) for each in (folds, end_folds))
     end_words = "groups of outermost levels"
     if not end_folds:
         end_words = "ends of an input, as the study holds one out"
-        end_folds, at_end = _beyond(dataset, samples, situation, study, every)
+        end_folds, at_end = _beyond(samples, situation, every)
     behind, whole = (_remaining(every) == 0) & ("time" in every.columns), whole | by_level
     if situation.timed and standing is None and len(samples.logs) == 1:
         # a single training recording cannot be left out as a whole, so its end is left out instead
@@ -109,7 +107,7 @@ def parts_of(dataset: Dataset, situation: Situation, study: Dataset, by_level: b
     return [kind for kind in kinds if kind.weight and kind.folds]
 
 
-def _shares(kinds: Sequence[BoolArray], held: BoolArray) -> list[float]:
+def _shares(kinds: Folds, held: BoolArray) -> list[float]:
     """Return the fraction of the held-out samples that belong to each kind, followed by the
     fraction that belong to none. A sample that fits several kinds belongs to the first of them. A
     fraction below `SOME` is set to zero; the others are then scaled so that their sum is one.
@@ -118,11 +116,10 @@ def _shares(kinds: Sequence[BoolArray], held: BoolArray) -> list[float]:
     counts = np.bincount(first, minlength=len(kinds) + 1)
     counts[-1] += not len(first)
     counts *= counts >= SOME * counts.sum()
-    shares: list[float] = (counts / counts.sum()).tolist()
-    return shares
+    return list(counts / counts.sum())
 
 
-def _taught(folds: Sequence[BoolArray], samples: Curve, inputs: Sequence[str]) -> list[BoolArray]:
+def _taught(folds: Folds, samples: Curve, inputs: Sequence[str]) -> Folds:
     """Return at most `MOST_PARTS` of the folds, restricted to training samples. A fold is used only
     if every input still varies in the samples that remain, because nothing can be learnt about a
     constant input.
@@ -133,7 +130,7 @@ def _taught(folds: Sequence[BoolArray], samples: Curve, inputs: Sequence[str]) -
         for fold in folds
         if np.all(np.ptp(columns[:, samples.training & ~fold], axis=1) > 0)
     ]
-    return [taught[place] for place in even_share(np.arange(len(taught)), MOST_PARTS)]
+    return [*even_share(np.array(taught), MOST_PARTS)]
 
 
 def _remaining(samples: Curve) -> Array:
@@ -148,40 +145,27 @@ def _remaining(samples: Curve) -> Array:
     return remaining
 
 
-def _of_curves(dataset: Dataset, values: Sequence[Any]) -> Any:
-    """Return an array over all samples, (n, ...), in which each sample has the value of its curve.
-    `values` holds one value for each curve.
+def _standing(
+    samples: Samples, situation: Situation, every: Samples, whole: BoolArray
+) -> tuple[Any, Any] | None:
+    """Return the values of the quantity that distinguishes the curves that are held out as a whole
+    (`whole`), at the training samples and at all samples of the study: the levels if there are
+    levels; otherwise an input that is constant in every curve and whose values in these curves
+    occur in no other curve. Return None if there is no such quantity.
+
+    The inputs have single precision, so that values that differ only by rounding errors are equal.
     """
-    return np.repeat(values, [curve.size for curve in dataset.curves], axis=0)
-
-
-def _values(dataset: Dataset, name: str) -> Array:
-    """Return, for each sample, the value of the quantity `name`, which is constant in each curve,
-    (n,). The values have single precision, so that values that differ only by rounding errors are
-    equal.
-    """
-    values = [c.columns[name][0] if c.level is None else c.level for c in dataset.curves]
-    single: Array = _of_curves(dataset, values).astype(np.float32)
-    return single
-
-
-def _standing(inputs: Sequence[str], study: Dataset, every: Curve, whole: BoolArray) -> str | None:
-    """Return the name of the quantity whose values distinguish the curves that are held out as a
-    whole (`whole`): the level quantity if there are levels, otherwise an input that is constant in
-    every curve and whose values in these curves occur in no other curve. Return None if there is no
-    such quantity. `every` holds the samples of the study.
-    """
-    for name in inputs if study.level is None and whole.any() else ():
-        values = _values(study, name)
-        still = np.array_equal(values, every.columns[name].astype(np.float32))
+    if situation.level is not None:
+        return samples.levels, every.levels
+    for name in situation.inputs if whole.any() else ():
+        at, values = (of.columns[name].astype(np.float32) for of in (samples, every))
+        still = all(np.ptp(values[rows]) == 0 for rows in every.curves)
         if still and not np.isin(values[whole], values[~whole]).any():
-            return name
-    return study.level
+            return at, values
+    return None
 
 
-def _neighbours(
-    at: Array, every: Array, whole: BoolArray
-) -> tuple[list[BoolArray], list[BoolArray], BoolArray]:
+def _neighbours(at: Array, every: Array, whole: BoolArray) -> tuple[Folds, Folds, BoolArray]:
     """Return inner folds, end folds, and a mask of the samples of the study that lie beyond all
     training values, (m,).
 
@@ -194,26 +178,25 @@ def _neighbours(
     `at`, (n,), and `every`, (m,), hold the values at the training samples and at the samples of the
     study. `whole`, (m,), is True for samples of curves that are held out as a whole.
     """
-    values, known, trained = np.unique(every), np.unique(every[~whole]), np.unique(at)
+    values, known = np.unique(every), np.unique(every[~whole])
+    trained, place = np.unique(at, return_inverse=True)
     most = len(trained) - 2
     if most < 1:
         return [], [], whole
-    sides = (trained, np.sum(values < known[0])), (trained[::-1], np.sum(values > known[-1]))
+    longest = np.diff(np.searchsorted(values, known)).max() - 1
+    count = int(np.clip(longest, 1, most))
+    inner = [(first <= place) & (place < first + count) for first in range(1, most + 2 - count)]
+    sides = (place, np.sum(values < known[0])), (place.max() - place, np.sum(values > known[-1]))
     ends = [
-        np.isin(at, side[:count])
+        side < count
         for side, held in sides
         if held
-        for count in sorted({min(held, most), min(held + 1, most)})
+        for count in range(min(held, most), min(held + 1, most) + 1)
     ]
-    longest = np.diff(np.searchsorted(values, known)).max() - 1
-    inner = sliding_window_view(trained[1:-1], int(np.clip(longest, 1, most)))
-    folds = [np.isin(at, row) for row in inner]
-    return folds, ends, (every < known[0]) | (every > known[-1])
+    return inner, ends, (every < known[0]) | (every > known[-1])
 
 
-def _beyond(
-    dataset: Dataset, samples: Curve, situation: Situation, study: Dataset, every: Curve
-) -> tuple[list[BoolArray], BoolArray]:
+def _beyond(samples: Samples, situation: Situation, every: Samples) -> tuple[Folds, BoolArray]:
     """Return folds, (n,), that leave out an end of the range of an input, and a mask of the samples
     of the study beyond these ends, (m,). An end is left out if the study holds out samples beyond
     it; the fold is as wide as the part that the study holds out there, but at most the fraction
@@ -223,26 +206,23 @@ def _beyond(
     outside it, each curve has its own range. No fold is returned if too few lie outside these
     ranges either, or if samples are in the order of time.
     """
-    training, held, folds = samples.training, every.held_out, list[BoolArray]()
+    held, folds = every.held_out, Folds()
     beyond = np.zeros_like(held)
     for of_each in () if situation.timed else (False, True):
         for name in () if folds else situation.inputs:
-            values = samples.columns[name]
-            outside = _from_ends(study, every, name, of_each)
-            inside = _from_ends(dataset, samples, name, of_each)
-            for far, over in zip(outside, inside, strict=True):
+            x, inside = samples.columns[name], _from_ends(samples, name, of_each)
+            for far, over in zip(_from_ends(every, name, of_each), inside, strict=True):
                 reach = np.minimum(np.max(far[held], initial=0.0), -WIDEST * inside.sum(axis=0))
-                fold = training & (over >= -reach) & (reach > 0)
-                rest = values[training & ~fold]
+                fold = (over >= -reach) & (reach > 0)
                 is_held = fold.any() and np.sum(far[held] > 0) >= SOME * held.sum()
                 # at least half of the range remains, so that an input with two values keeps both
-                if is_held and 2 * np.ptp(rest) >= np.ptp(values[training]):
+                if is_held and 2 * np.ptp(x[~fold]) >= np.ptp(x):
                     folds.append(fold)
                     beyond |= far > 0
     return folds, beyond
 
 
-def _from_ends(dataset: Dataset, samples: Curve, name: str, of_each: bool) -> Array:
+def _from_ends(samples: Samples, name: str, of_each: bool) -> Array:
     """Return how far each sample lies below the lower end of the training range, and how far above
     the upper end, (2, n). The distances are negative inside the range, so that the sum of both is
     always the negative width of the range.
@@ -250,16 +230,16 @@ def _from_ends(dataset: Dataset, samples: Curve, name: str, of_each: bool) -> Ar
     With `of_each`, each curve has its own range, which is unlimited for a curve without training
     samples. Otherwise, all curves together have one range.
     """
-    values = samples.columns[name]
-    trained = [curve.columns[name][curve.training] for curve in dataset.curves]
-    if not of_each:
-        trained = [values[samples.training]] * len(trained)
-    limits = [extremes(of) if len(of) else (-np.inf, np.inf) for of in trained]
-    low, high = _of_curves(dataset, limits).T
-    return np.array([low - values, values - high])
+    x = samples.columns[name]
+    distances = np.full((2, samples.size), -np.inf)
+    for rows in samples.curves if of_each else (slice(None),):
+        trained = x[rows][samples.training[rows]]
+        if trained.size:
+            distances[:, rows] = trained.min() - x[rows], x[rows] - trained.max()
+    return distances
 
 
-def _fair(samples: Curve) -> list[BoolArray]:
+def _fair(samples: Curve) -> Folds:
     """Return folds, (n,), that leave out one log each. Only logs with a number of training samples
     within the limits `FAIR` are left out. Return an empty list if there are fewer than two such
     logs.

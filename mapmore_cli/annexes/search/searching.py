@@ -12,7 +12,6 @@ from functools import cache, partial
 from importlib.resources import files
 from itertools import chain
 from operator import call
-from typing import TYPE_CHECKING, Any
 
 import yaml
 
@@ -21,6 +20,7 @@ from mapmore_cli.annexes.search.black_boxes import Outcome, black_boxes
 from mapmore_cli.annexes.search.candidate import (
     MOST_PARAMETERS,
     SHARE,
+    Named,
     offered_structures,
 )
 from mapmore_cli.annexes.search.choosing import PLAIN, choose_structure
@@ -32,11 +32,9 @@ from mapmore_cli.domain import plugins
 from mapmore_cli.domain.errors import DataError, MapmoreError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.domain.results import Search, Tried
+from mapmore_cli.fitting.stage import Progress
 from mapmore_cli.modelling.memory.records import sampled
 from mapmore_cli.pipeline.processors import free_processors, shared_out
-
-if TYPE_CHECKING:
-    from mapmore_cli.fitting.stage import Progress
 
 FAMILIES = ("tables", "states", "friction", "feedback")
 """Files of candidates in the order in which they are tried. If time is short, the last ones are
@@ -45,10 +43,10 @@ left out.
 
 
 @cache
-def family(name: str) -> Mapping[str, Any]:
+def family(name: str) -> Named:
     """Return the contents of a file of candidates (`annexes/search/families/NAME.yaml`)."""
     path = files(__package__).joinpath("families", f"{name}.yaml")
-    document: Mapping[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
+    document: Named = yaml.safe_load(path.read_text(encoding="utf-8"))
     return document
 
 
@@ -81,17 +79,12 @@ def search(
     families = [*map(family, FAMILIES), *(plugin.value for plugin in added)]
     bench = Bench.of(training, situation, part, dataset)
     boxes = [partial(black_boxes, bench.dataset, bench.folds, situation)] if beside else []
-    trials = Trials(bench, partial(progress, "structures"))
-    outcomes = trials.outcomes(families, boxes)
+    trials = Trials(bench, partial(progress, "structures"), [])
     most = most_parameters(situation)
-    result = choose_structure(outcomes, bench, most)
-
-    def with_round(name: str) -> Search:
-        outcomes.extend(trials.outcomes([family(name)]))
-        return choose_structure(outcomes, bench, max(most, situation.samples // SHARE))
-
+    result = trials.choice(families, most, boxes)
     if part.model.prefer is None:
-        result = go_on(result, bench, with_round)
+        later = max(most, situation.samples // SHARE)
+        result = go_on(result, bench, lambda name: trials.choice([family(name)], later))
     outdone = outdone_note(result, bench)
     ended = (
         f"the budget of {part.model.budget:g} s ended before {trials.cut} of {trials.listed} "
@@ -145,24 +138,24 @@ class Trials:
 
     bench: Bench
     progress: Callable[[int, int], None]
+    outcomes: list[Outcome]
     worked: float = 0.0
     listed: int = 0
     cut: int = 0
 
-    def outcomes(
-        self, families: Sequence[Mapping[str, Any]], boxes: Sequence[Work] = ()
-    ) -> list[Outcome]:
-        """Try the structures that families offer, and the black boxes."""
-        before = self.worked
+    def choice(self, families: Sequence[Named], most: float, boxes: Sequence[Work] = ()) -> Search:
+        """Try the structures that families offer, and the black boxes. Choose a structure with at
+        most `most` parameters among all structures that were tried so far.
+        """
         offered = chain(*(offered_structures(known, self.bench.situation) for known in families))
         jobs: list[Work] = [partial(self.outcomes_of, one) for one in offered]
         done = shared_out(call, [*jobs, *boxes], self.progress)
-        outcomes = [*chain(*done)]
+        self.outcomes += chain(*done)
         self.listed += len(jobs)
         self.cut += done[: len(jobs)].count([])
         # the clock of this process does not include the work of its child processes
-        self.worked = before + sum(one.seconds for one, _ in outcomes) / free_processors()
-        return outcomes
+        self.worked = sum(one.seconds for one, _ in self.outcomes) / free_processors()
+        return choose_structure(self.outcomes, self.bench, most)
 
     def outcomes_of(self, candidate: Tried) -> list[Outcome]:
         """Fit a structure to all samples and, if that succeeds, again without each fold. Return its

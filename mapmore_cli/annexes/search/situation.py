@@ -6,13 +6,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
 from mapmore_cli.domain.arrays import Array
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.domain.recording import Curve, Dataset
+from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import pooled_training
 from mapmore_cli.modelling.memory.records import sampled
@@ -75,24 +76,18 @@ class Situation:
         """Names of the inputs that move within a recording."""
         return tuple(name for name in self.inputs if name != self.level)
 
-    @property
-    def swept(self) -> str:
-        """Name of the input that moves most within recordings."""
-        return self.inputs[0]
-
 
 def situation_of(
     dataset: Dataset, ignored: Sequence[str] = (), inputs: Sequence[str] | None = None
 ) -> Situation:
-    """Return the properties of the training samples of a dataset. If `inputs` is given, only these
-    quantities are inputs. Otherwise, every quantity that varies is an input, except the `ignored`
-    quantities.
+    """Return the properties of the training samples of a dataset. Every curve has at least one
+    training sample. If `inputs` is given, only these quantities are inputs. Otherwise, every
+    quantity that varies is an input, except the `ignored` quantities.
     """
-    training = [curve for curve in dataset.curves if curve.training.any()]
-    columns = pooled_training(training)
-    pooled = {name: columns[name] for name in columns if name in dataset.quantities}
+    curves, pooled = dataset.curves, pooled_training(dataset.curves)
     no_inputs = (dataset.target, *NOT_INPUTS, *ignored)
-    wanted = [name for name in pooled if name not in no_inputs] if inputs is None else inputs
+    known = [name for name in pooled if name in dataset.quantities and name not in no_inputs]
+    wanted = known if inputs is None else inputs
     apart = [name for name in wanted if np.ptp(pooled[name]) > 0]
     if inputs is None:
         apart = _different(apart, pooled, dataset.level)
@@ -104,17 +99,23 @@ def situation_of(
         )
 
     def rank(name: str) -> tuple[bool, float]:
-        widths = [np.ptp(curve.columns[name][curve.training]) for curve in training]
+        widths = [np.ptp(curve.columns[name][curve.training]) for curve in curves]
         return name == dataset.level, -round(np.mean(widths) / np.ptp(pooled[name]), 3)
 
     ordered = sorted(apart, key=rank)
-    step, steps = _even_step(training) if "time" in pooled else (None, 0)
+    step, steps = None, 0
+    if "time" in pooled:
+        with suppress(DataError):
+            even, _, records = sampled(curves)
+            longest = max(record.size for record in records) - 1
+            if longest >= FEWEST_IN_A_RECORD:
+                step, steps = even, longest
     return Situation(
         target=dataset.target,
         inputs=tuple(ordered),
         level=dataset.level,
         samples=len(pooled[dataset.target]),
-        curves=len(training),
+        curves=len(curves),
         step=step,
         steps=steps,
         around_zero=tuple(name for name in ordered if pooled[name].min() < 0 < pooled[name].max()),
@@ -131,24 +132,8 @@ def _different(names: Sequence[str], pooled: Mapping[str, Array], level: str | N
     formulas = map(literature.get, literature.names())
     uses = Counter(name for formula in formulas for name in formula.inputs)
 
-    def rank(name: str) -> tuple[bool, int, int]:
-        return name != level, -uses[name], -names.index(name)
-
     kept: list[str] = []
-    for name in sorted(names, key=rank):
+    for name in sorted(names, key=lambda name: (name != level, -uses[name], -names.index(name))):
         if all(abs(correlation(pooled[name], pooled[other])) < 1 - SAME for other in kept):
             kept.append(name)
     return [name for name in names if name in kept]
-
-
-def _even_step(curves: Sequence[Curve]) -> tuple[float | None, int]:
-    """Return the equal time step, s, and the number of steps in the longest uninterrupted
-    recording. Return None and 0 if samples are not in the order of time at equal steps, or if the
-    longest recording is too short for models with memory.
-    """
-    try:
-        step, _, records = sampled(curves)
-    except DataError:
-        return None, 0
-    most = max(record.size for record in records) - 1
-    return (step, most) if most >= FEWEST_IN_A_RECORD else (None, 0)

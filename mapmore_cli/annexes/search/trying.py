@@ -4,17 +4,16 @@ diverges.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter
 
 from mapmore_cli.annexes.search.bench import Bench, Slice
 from mapmore_cli.annexes.search.black_boxes import SHOWN, Outcome
-from mapmore_cli.annexes.search.candidate import BEYOND, continuations
+from mapmore_cli.annexes.search.candidate import BEYOND, Named, continuations
 from mapmore_cli.domain.arrays import Array, BoolArray, Columns, extremes
 from mapmore_cli.domain.models import Model, Pieces
 from mapmore_cli.domain.recording import Curve, Dataset
@@ -28,7 +27,7 @@ from mapmore_cli.modelling.pieces.remarks import exploding_curves
 
 _CHOICES = TypeAdapter(ModelChoices)
 
-EMPTY: Mapping[str, Any] = {
+EMPTY: Named = {
     "segment": {},
     "dictionary": [],
     "model": {"type": "mapmore"},
@@ -37,7 +36,7 @@ EMPTY: Mapping[str, Any] = {
 """Sections that define a structure, with their values if the structure does not set them."""
 
 
-def choices_of(sections: Mapping[str, Any], part: Slice) -> ModelChoices:
+def choices_of(sections: Named, part: Slice) -> ModelChoices:
     """Return the settings of a model: the sections of a candidate, and the settings of the study
     that no candidate changes.
     """
@@ -71,35 +70,36 @@ def tried_ways(candidate: Tried, bench: Bench) -> list[Outcome]:
     model, whole = refit_near(choices, bench.dataset, None)
     has_ends = isinstance(model.body, Pieces) and model.body.backbone is None
     fixed = bench.part.fuse.extrapolation is not None or candidate.family in SHOWN
-    ways = continuations(candidate) if has_ends and not fixed else [candidate]
-    failures = [_refusal(_going_on(model, way), bench) for way in ways]
-    left: list[tuple[Tried, list[Array]]]
-    left = [(way, []) for way, failure in zip(ways, failures, strict=True) if not failure]
-    if not left:
-        return [(replace(ways[0], failure=failures[0]), ())]
-    for masks in bench.masks:
-        rest = without(bench.dataset, masks)
-        remade, _ = refit_near(choices, rest, whole)
-        for way, errors in left:
-            errors.append(_errors(_going_on(remade, way), rest, masks))
-    outcomes = list[Outcome]()
-    for way, errors in left:
+    ways = [
+        replace(way, failure=_refusal(_going_on(model, way), bench))
+        for way in (continuations(candidate) if has_ends and not fixed else [candidate])
+    ]
+    accepted = [way for way in ways if not way.failure]
+    if not accepted:
+        return [(ways[0], ())]
+    rests = [without(bench.dataset, masks) for masks in bench.masks]
+    remade = [refit_near(choices, rest, whole)[0] for rest in rests]
+    outcomes = dict[bytes, Outcome]()
+    for way in accepted:
+        errors = [
+            _errors(_going_on(fold_model, way), rest, masks)
+            for fold_model, rest, masks in zip(remade, rests, bench.masks, strict=True)
+        ]
         if np.isnan(np.concatenate(errors[: bench.blocks] or errors)).mean() > 1 - WHOLE:
             failure = "needs a longer past than most left-out samples have"
             return [(replace(way, failure=failure), ())]
-        every = np.concatenate(errors)
-        if not any(np.array_equal(every, np.concatenate(of), equal_nan=True) for _, of in outcomes):
-            outcomes.append((replace(way, parameters=parameters(model)), errors))
-    return outcomes
+        every = np.concatenate(errors).tobytes()
+        outcomes.setdefault(every, (replace(way, parameters=parameters(model)), errors))
+    return [*outcomes.values()]
 
 
 def _going_on(model: Model, way: Tried) -> Model:
     """Return a copy of a model. Outside the range of its curves, it behaves as `way` says."""
-    body, beyond = model.body, way.sections.get(BEYOND)
-    if beyond is None or not isinstance(body, Pieces):
+    body = model.body
+    if BEYOND not in way.sections or not isinstance(body, Pieces):
         return model
-    extrapolation = dict.fromkeys(body.fusion.extrapolation, (beyond, beyond))
-    return replace(model, body=body.joined(extrapolation=extrapolation))
+    sides = dict.fromkeys(body.fusion.extrapolation, (way.sections[BEYOND],) * 2)
+    return replace(model, body=body.joined(extrapolation=sides))
 
 
 def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Array:
@@ -107,11 +107,14 @@ def _errors(model: Model, rest: Dataset, masks: Sequence[BoolArray]) -> Array:
     error is NaN if a sample has too few earlier samples for a prediction, and infinite after the
     prediction has diverged.
     """
-    errors = list[Array]()
-    for curve, out, predicted in missed_by(model, rest, masks):
-        missed = (predicted.values - curve.columns[rest.target])[out]
-        missed[predicted.ready[out] & ~np.isfinite(missed)] = np.inf
-        errors.append(missed)
+    errors = [
+        np.where(
+            predicted.ready & ~np.isfinite(predicted.values),
+            np.inf,
+            predicted.values - curve.columns[rest.target],
+        )[out]
+        for curve, out, predicted in missed_by(model, rest, masks)
+    ]
     return np.concatenate(errors)
 
 
@@ -149,8 +152,11 @@ def _refusal(model: Model, bench: Bench) -> str:
                 "oscillates by itself: the transient of its start is still visible late in a "
                 "recording"
             )
-        middles = {name: np.mean(extremes(columns[name])) for name in bench.situation.inputs}
-        larger = {name: x + LARGER * (columns[name] - x) for name, x in middles.items()}
+        larger = {
+            name: middle + LARGER * (columns[name] - middle)
+            for name in bench.situation.inputs
+            for middle in (np.mean(extremes(columns[name])),)
+        }
         if _astray(_run(model, longest, larger), bench):
             return f"runs away from all measured values if its inputs are {LARGER:g} times as large"
     if not (bench.situation.timed and runs_over_time(model)) and any(

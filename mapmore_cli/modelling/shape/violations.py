@@ -4,7 +4,6 @@ if the shape is a constraint of the fit.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -153,8 +152,7 @@ def _rms_error(model: Model, curves: Sequence[Curve], training: bool) -> float:
         return (predict(model, log) - log[model.output.name])[counted]
 
     errors = np.concatenate([of_log(curve, rows) for curve in curves for rows in curve.stretches])
-    known = errors[np.isfinite(errors)]
-    return root_mean_square(known) if len(known) else math.nan
+    return root_mean_square(errors[np.isfinite(errors)])
 
 
 def verified(
