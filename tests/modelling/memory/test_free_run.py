@@ -124,6 +124,7 @@ def test_every_piece_diverges_by_itself():
         ([0, 2, 4], [0, 1, 2], 1),
         ([0, 3, 6, 7, 8], [0, 2, 4, 5, 6], None),  # a row is missing between samples
         ([0, 1.0009, 2.0018], [0, 1, 2], None),
+        ([0, 1.001, 2.002], [0, 1, 2], None),
     ],
 )
 def test_a_record_of_longer_steps_is_refused_where_most_are(time, rows, sample):
