@@ -106,7 +106,7 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     after = steps_where(time, lambda steps: steps > limit)
     lengths = time[after + 1] - time[after]
     usual = typical_step(time)
-    missing = int(np.round(lengths / usual - 1).clip(0).sum()) if usual > 0 else 0
+    missing = int(np.round(lengths / usual - 1).clip(0).sum())
     return Gaps(after, lengths, missing)
 
 

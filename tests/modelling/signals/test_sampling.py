@@ -49,6 +49,11 @@ def test_an_envelope_has_the_ends_of_every_run(values, limit, less):
             assert len(own) == 2 - (known.min() == known.max() or own[0] == own[-1])
 
 
+def test_a_curve_within_the_limit_is_shown_whole():
+    assert envelope(np.zeros(4), 4).tolist() == [0, 1, 2, 3]
+    assert len(envelope(np.zeros(6), 4)) == 2
+
+
 def test_shares_and_parts_of_long_records_are_even(monkeypatch):
     assert [len(even_share(np.arange(n), 10)) for n in (10, 11, 20, 21, 100)] == [
         10,
@@ -131,6 +136,7 @@ def test_planted_gaps_are_found_and_their_samples_counted(sizes, missing, step):
 @pytest.mark.parametrize("start", [0.0, 1e4, 1.6e9])
 def test_step_of_exactly_the_limit_is_no_gap(start):
     assert len(find_gaps(start + np.arange(1000) * 0.01, 0.01)) == 0
+    assert len(find_gaps(np.zeros(3), 0.0)) == 0
 
 
 def test_repeated_stamps_do_not_hide_the_usual_step_and_resets_are_found():
@@ -172,7 +178,8 @@ def test_every_value_lies_between_two_near_samples_or_is_missing(time, stamps, m
 
 def test_own_stamps_keep_their_values_on_both_sides_of_a_gap():
     time, values = np.array([0.0, 1.0, 9.0, 10.0]), np.array([5.0, 6.0, 7.0, 8.0])
-    np.testing.assert_array_equal(align(time, time, values, 2.0), values)
+    for max_gap in (0.0, 2.0):
+        np.testing.assert_array_equal(align(time, time, values, max_gap), values)
     np.testing.assert_array_equal(
         align(np.array([1.5, np.nan, -0.1, 10.1]), time, values, 2.0), [np.nan] * 4
     )
