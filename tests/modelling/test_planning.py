@@ -50,6 +50,11 @@ def test_a_fitted_process_is_likelier_than_its_neighbours():
             assert likelihood(other) < likelihood(start)
 
 
+def test_a_process_of_zeros_has_the_smallest_deviation():
+    found = most_likely(np.random.default_rng(4).random((9, 2)), np.zeros(9))
+    assert found.deviation == pytest.approx(0.3)
+
+
 def map_of():
     x = np.random.default_rng(1).random((9, 2)) * [500.0, 0.25]
     x[:4] = [[0, 0], [500, 0], [0, 0.25], [500, 0.25]]

@@ -88,7 +88,7 @@ def offsets_of(left_out: LeftOut) -> Offsets | None:
     between_curves, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
     noise = max(left_out.residual**2 - between_curves * float(np.mean(1 - 1 / n)), 0.0)
     smooth = min(max(left_out.smooth**2 - between_curves * float(np.mean(1 - 1 / n)), 0.0), noise)
-    missed, share, others = 0.0, 1.0, 0.0
+    missed = share = others = 0.0
     if left_out.kind == "levels" and count > 2:
         missed = float(np.mean(left_out.offset**2 + left_out.scatter**2))
         width = np.diff(left_out.places)

@@ -73,8 +73,8 @@ def test_the_least_error_is_that_of_the_normal_equations(ridge):
 
 @pytest.mark.parametrize("n", [2, 3])
 def test_errors_need_more_samples_than_free_coefficients(n):
-    errors, _ = free_run_errors(line(counted=(n,)), np.array([2.5, 1.0]))
-    assert np.isfinite(errors).tolist() == [n > 2] * 2
+    errors, worth = free_run_errors(line(counted=(n,)), np.array([2.5, 1.0]))
+    assert np.isfinite([*errors, worth]).tolist() == [n > 2] * 3
 
 
 def test_bounds_hold_and_a_constant_may_be_none():

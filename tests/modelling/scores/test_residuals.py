@@ -109,6 +109,9 @@ def test_pieces_that_add_nothing_to_their_backbone_are_an_alarm():
 
     nothing = " on every sample, because its segments add nothing"
     assert [ends_of(model, off) for off in (0.0, 9e-10, 3e-9)] == [[nothing], [nothing], []]
+    unknown = changed(CURVES[0], strain=np.full(CURVES[0].size, np.nan))  # no value of either
+    nan = [np.full(unknown.size, np.nan)]
+    assert "add nothing" in alarms(model, dataset_of((unknown,)), nan, ())[0]
     curves_alone = tuple(replace(one, segments=()) for one in model.body.curves)
     removed = replace(model, body=replace(model.body, curves=curves_alone))
     assert ["left-out training data worse" in end for end in ends_of(removed, 0.0)] == [True]
@@ -161,6 +164,8 @@ def test_far_samples_are_found_in_their_files_the_farthest_first(monkeypatch):
     assert [one.scales for one in found] == pytest.approx([one.off / scale for one in found])
     known = outliers.outliers(given, forecasts, replace(fit, loss="huber", scale=2.0))
     assert [one.scales for one in known] == [one.off / 2.0 for one in found]
+    limit = replace(fit, loss="huber", scale=abs(force[0]) / outliers.FAR)
+    assert len(outliers.outliers(given, forecasts, limit)) == 2  # the third is exactly at the limit
     monkeypatch.setattr(outliers, "MOST", 2)
     assert outliers.outliers(given, forecasts, fit) == found[:2]
     # residuals in units of their uncertainty, one step ahead if the model has memory
