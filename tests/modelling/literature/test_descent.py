@@ -5,7 +5,7 @@ import pytest
 
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.literature import family
-from mapmore_cli.modelling.literature.descent import descend
+from mapmore_cli.modelling.literature.descent import descend, onto_bounds
 from mapmore_cli.modelling.literature.linear import parameter_errors, solve_linear
 from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear, condensed
@@ -19,6 +19,25 @@ def test_a_start_without_a_value_has_no_end_and_a_step_to_such_a_place_is_not_ta
     (end,) = descend(system, [np.array([-1.0]), np.array([4.0])], method=method)
     assert end.converged
     assert end.x == pytest.approx([1e-6], rel=1e-4)
+
+
+def test_coordinates_within_a_millionth_of_the_range_are_moved_onto_their_bounds():
+    bounds = np.array([0.0, -1.0, 0.0, -1.0, 0.0]), np.array([1.0, 0.0, 1.0, 0.0, 1.0])
+    moved, touched = onto_bounds(np.array([1e-6, -1e-6, 1.1e-6, -1.1e-6, 0.5]), bounds)
+    assert moved.tolist() == [0, 0, 1.1e-6, -1.1e-6, 0.5]
+    assert touched == [0, 1]
+
+
+def test_a_coordinate_has_a_sign_that_its_intervals_allow():
+    for intervals, allowed in (
+        (((0.0, 5.0),), (False, True)),
+        (((-5.0, 0.0),), (True, False)),
+        (((-5.0, -1.0), (1.0, 5.0)), (True, True)),
+        (((1.0, 5.0),), (False, True)),
+    ):
+        free = (Nonlinear("b", per=None, intervals=intervals),)
+        problem = LeastSquares(parse("b*x"), (), free, {}, {"x": np.ones(3)}, np.ones(3))
+        assert tuple(problem.allows(np.array([c])) for c in (-2.0, 2.0)) == allowed
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-200, 1e160])
@@ -76,6 +95,7 @@ def test_slack_and_largest_forces_are_quantiles():
     assert family._slack_and_largest(y) == pytest.approx((20.0, 975.0))
     assert family._slack_and_largest(y - 40) == pytest.approx((-20.0, 975.0))
     assert family._slack_and_largest(y + 100) == pytest.approx((0.0, 1095.0))
+    assert family._slack_and_largest(y - 300) == pytest.approx((0.0, 695.0))
 
 
 def test_one_parameter_of_shares_keeps_all_samples():

@@ -44,6 +44,7 @@ def test_a_formula_predicts_where_its_inputs_are_known_and_has_the_ranges_of_its
     found = kinds.predict(model, COLUMNS)
     np.testing.assert_allclose(found[known], wrist_force(rows))
     assert np.isnan(found).tolist() == [False, False, True, False]
+    assert model.input_names == ("pressure", "strain")
     assert [one.level for one in model.body.ranges] == [1.0, 7.0]
     assert [set(one.limits) for one in model.body.ranges] == [{"pressure", "strain"}] * 2
     at = {"pressure": np.array([4.0, 4.0]), "strain": np.array([0.079, 0.081])}
