@@ -97,3 +97,21 @@ def test_an_output_at_the_end_of_the_bounds_has_not_diverged(end):
     np.testing.assert_array_equal(found, expected)
     columns = {"pressure": pressure, "force": np.ones(7)}
     np.testing.assert_array_equal(predict(model, columns), expected)
+
+
+@pytest.mark.parametrize(
+    "pressure",
+    [
+        # a rise, a fall by just the dead band of 25, and rises and falls by more
+        [100, 150, 125, 150, 160, 170, 180],
+        [200, 100, 125, 100, 90, 110, 140, 170],
+        [200, 240, 240, 230, 240, 250, 260],  # sections meet at 240
+    ],
+)
+def test_a_program_switches_sections_at_the_same_samples_as_the_model(pressure):
+    model = WITH_MEMORY["motion, handed on"]
+    module, n = imported(model, plain=False), len(pressure)
+    columns = {"pressure": np.array(pressure, dtype=float), "strain": np.full(n, 0.1)}
+    state = module.State()
+    found = [module.step(state, pressure=one, strain=0.1) for one in columns["pressure"].tolist()]
+    np.testing.assert_allclose(found, predict(model, columns), rtol=1e-12)

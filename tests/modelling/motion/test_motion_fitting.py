@@ -24,6 +24,7 @@ from mapmore_cli.annexes.motion.fitting import fit_motion
 from mapmore_cli.annexes.motion.problem import Bounds, Piece, Problem
 from mapmore_cli.annexes.motion.simulation import simulate, stable
 from mapmore_cli.annexes.motion.solvers import SOLVERS, STRIDES, fly, linear_start
+from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.domain.errors import DataError, FitError
 
 NOISE = 0.05
@@ -177,6 +178,13 @@ def test_the_error_of_poles_is_that_of_the_best_weights_of_their_drives(count):
     none = Problem([piece_of(np.zeros(5))])
     assert (none.rmse(0.0, 0.5), none.rmse(0.0, 3.0)) == (0.0, 3000.0)
     assert Problem([piece_of(y, np.zeros(50, dtype=bool)), piece_of(y)]).y.tolist() == y.tolist()
+
+
+def test_bounds_have_a_width():
+    assert Bounds(p1=(0.1, 0.2)).p1 == (0.1, 0.2)
+    for ends in ((0.2, 0.2), (0.3, 0.2)):
+        with pytest.raises(Contradiction, match="`p1`: the lower bound"):
+            Bounds(p1=ends)
 
 
 def two_sines(samples):

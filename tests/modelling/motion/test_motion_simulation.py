@@ -131,6 +131,12 @@ def test_the_triangle_is_where_both_poles_are_within_the_circle(p1, p2):
     assert abs(poles(p1, p2)[0]) == pytest.approx(largest, abs=1e-7)
 
 
+def test_poles_on_the_circle_are_not_stable():
+    for p1, p2 in ((-1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (0.0, -1.0)):
+        assert not stable(p1, p2)
+    assert poles(-0.25, 0.0) == (0.5j, -0.5j)  # of equal ones, the positive frequency comes first
+
+
 def test_direction_is_literal_or_latched():
     u = np.array([0.0, 0.0, 1.0, 1.0, 0.95, 0.93, 1.1, 0.5, 0.5])
     assert rising(u, 0.0, latched=False).tolist() == [
