@@ -5,7 +5,7 @@ import pytest
 
 from mapmore_cli.modelling.expressions import parse
 from mapmore_cli.modelling.literature import family
-from mapmore_cli.modelling.literature.descent import descend, onto_bounds
+from mapmore_cli.modelling.literature.descent import descend
 from mapmore_cli.modelling.literature.linear import parameter_errors, solve_linear
 from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.modelling.literature.problem import LeastSquares, Nonlinear, condensed
@@ -19,13 +19,6 @@ def test_a_start_without_a_value_has_no_end_and_a_step_to_such_a_place_is_not_ta
     (end,) = descend(system, [np.array([-1.0]), np.array([4.0])], method=method)
     assert end.converged
     assert end.x == pytest.approx([1e-6], rel=1e-4)
-
-
-def test_coordinates_within_a_millionth_of_the_range_are_moved_onto_their_bounds():
-    bounds = np.array([0.0, -1.0, 0.0, -1.0, 0.0]), np.array([1.0, 0.0, 1.0, 0.0, 1.0])
-    moved, touched = onto_bounds(np.array([1e-6, -1e-6, 1.1e-6, -1.1e-6, 0.5]), bounds)
-    assert moved.tolist() == [0, 0, 1.1e-6, -1.1e-6, 0.5]
-    assert touched == [0, 1]
 
 
 def test_a_coordinate_has_a_sign_that_its_intervals_allow():

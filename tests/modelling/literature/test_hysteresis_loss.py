@@ -93,6 +93,8 @@ def test_a_stroke_ends_at_the_first_zero_or_where_the_force_is_least(B, C, start
 def test_a_straight_line_that_pulls_everywhere_has_the_longest_stroke():
     line = ForceCurve(np.array([100.0]), np.array([10.0]), np.array([50.0]), 0.0)
     assert line.end_of_stroke(0.0) == pytest.approx([1.0])
+    rising = ForceCurve(np.array([100.0]), np.zeros(1), np.array([-100.0]), 30.0)
+    assert rising.end_of_stroke(0.0).tolist() == [0]  # it does not pull at the start
 
 
 def test_without_an_upper_force_zeta_is_one():

@@ -121,7 +121,7 @@ def test_parts_are_blended_by_their_squared_errors(
 
     def fit_hinge(*asked):
         assert asked[2] == (None if near is None else -7.0)
-        constant = {"a6": unit + hinged_off, "b0": unit + hinged_off, "w": 1e-12}
+        constant = {"a6": unit + hinged_off, "b0": unit + hinged_off, "w": 1e-300}
         return part(hinge.NAMES, 10, "stopped_by_limit", **constant)
 
     def fit(self, _columns, _y, _method):
@@ -139,6 +139,7 @@ def test_parts_are_blended_by_their_squared_errors(
     assert found.rank == 10 + (0 if alone else 6 + 1)
     assert found.status == ("stopped_by_limit" if ratio < 1 or alone else "converged")
     assert np.isnan(found.errors["s6"]) == alone
+    assert any("hinged alone" in note for note in found.notes) == alone
 
 
 def test_a_plain_fit_that_ran_away_has_no_share():
@@ -209,3 +210,4 @@ def test_a_foot_that_does_not_rise_is_at_its_bound_by_name():
     assert fit.status == "at_bound"
     assert fit.parameters["b1"] == 0.0
     assert "b1 ends at its bound" in fit.notes
+    assert not any("do not determine" in note for note in fit.notes)
