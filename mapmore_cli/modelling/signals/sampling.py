@@ -218,7 +218,7 @@ def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> A
     too_far = (
         np.zeros(len(stamps), dtype=np.bool_)
         if max_gap is None
-        else time[after] - time[before] > max_gap * (1 + 1e-9)
+        else time[after] - time[before] > max_gap * (1 + ROUNDING)
     )
     aligned[outside | too_far] = np.nan
     return aligned

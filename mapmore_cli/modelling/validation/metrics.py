@@ -253,6 +253,6 @@ def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int)
     if sum(part.curve.size for part in parts) > HELD:
         return Compared(blocks, scale, free)
     held = [*blocks()]
-    if len(held) > 1:
+    if held:
         held = [SampleBlock(*map(np.concatenate, zip(*held, strict=True)))]
     return Compared(lambda: held, scale, free)

@@ -54,6 +54,14 @@ def test_parameters_poles_and_gains_of_sections():
     assert np.ravel(first["poles"]) == pytest.approx([0.5, 0, 0.4, 0])
 
 
+def test_a_section_without_a_constant_has_a_steady_output_of_its_input_alone():
+    section = replace(SECTIONS[0], weights=np.array([0.3]))
+    motion = replace(MOTION, boundaries=(), drives=("u",), sections=(section,))
+    fit = MotionFit(motion, "particle_swarm", SEARCHES[:1])
+    (row,) = sections_table({"mapmore": fit}, "mm").rows
+    assert row[-6:-5] == (pytest.approx(0.3 * 5 / 0.3),)
+
+
 def test_searches_are_lines_that_are_dashed_if_the_input_falls():
     falling = replace(SECTIONS[1], direction="fall")
     exact = replace(SEARCHES[1], history=np.array([2.0, 0.0]))

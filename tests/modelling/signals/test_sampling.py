@@ -10,7 +10,7 @@ from reading import refused
 from scipy.signal import savgol_filter
 
 from mapmore_cli.domain import arrays
-from mapmore_cli.modelling.signals import sampling
+from mapmore_cli.modelling.signals import rates, sampling
 from mapmore_cli.modelling.signals.rates import rate, running_median
 from mapmore_cli.modelling.signals.sampling import (
     align,
@@ -232,8 +232,19 @@ def test_blocks_do_not_show(monkeypatch):
     time = rounded_stamps(1, 500)
     values = np.sin(9 * time)
     whole = rate(time, values, 0.04, 3)
-    monkeypatch.setattr("mapmore_cli.modelling.signals.rates.BLOCK", 70)
-    np.testing.assert_allclose(rate(time, values, 0.04, 3), whole, rtol=1e-10)
+    sizes = []
+
+    def counted(time, values, at, *more):
+        sizes.append(len(at))
+        return slopes(time, values, at, *more)
+
+    slopes = rates._slopes
+    monkeypatch.setattr(rates, "_slopes", counted)
+    for block, rows in ((70, 2), (1, 1)):  # of windows of at most 35 samples
+        sizes.clear()
+        monkeypatch.setattr(rates, "BLOCK", block)
+        np.testing.assert_allclose(rate(time, values, 0.04, 3), whole, rtol=1e-10)
+        assert max(sizes) == rows
 
 
 @pytest.mark.parametrize(
