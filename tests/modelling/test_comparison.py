@@ -300,6 +300,14 @@ def test_none_that_is_simpler_is_as_good(table):
         )
 
 
+def test_the_spread_is_the_standard_error_of_the_mean_difference_of_logarithms():
+    errors = np.array([[1.0, 2.0, 4.0], [1.5, 2.2, 4.1]])
+    above = np.log(errors[1] / errors[0])
+    found = simplest_of([9, 1], errors)
+    assert found.excess == pytest.approx([0, above.mean()])
+    assert found.spread == pytest.approx([0, np.std(above, ddof=1) / np.sqrt(3)])
+
+
 @given(TABLES, st.randoms(), st.booleans())
 def test_the_order_of_folds_is_of_no_consequence(table, shuffle, median):
     sizes, errors = table

@@ -26,7 +26,8 @@ def test_a_coordinate_has_a_sign_that_its_intervals_allow():
         (((0.0, 5.0),), (False, True)),
         (((-5.0, 0.0),), (True, False)),
         (((-5.0, -1.0), (1.0, 5.0)), (True, True)),
-        (((1.0, 5.0),), (False, True)),
+        (((0.1, 0.5),), (False, True)),
+        (((-0.5, -0.1),), (True, False)),
     ):
         free = (Nonlinear("b", per=None, intervals=intervals),)
         problem = LeastSquares(parse("b*x"), (), free, {}, {"x": np.ones(3)}, np.ones(3))

@@ -102,6 +102,12 @@ def test_a_level_is_the_middle_of_at_least_five_values_within_a_tenth_of_the_gap
     np.testing.assert_allclose(nominal(column), expected, atol=1e-12)
 
 
+def test_of_levels_within_levels_the_finest_count():
+    scatter = np.linspace(-0.01, 0.01, 5)
+    column = np.concatenate([level + scatter for level in (0.0, 1.0, 100.0, 101.0)])
+    np.testing.assert_allclose(nominal(column), np.repeat([0.0, 1.0, 100.0, 101.0], 5), atol=1e-12)
+
+
 def test_swept_quantities_have_no_levels():
     rng = np.random.default_rng(0)
     for column in (

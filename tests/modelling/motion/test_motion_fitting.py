@@ -193,11 +193,14 @@ def two_sines(samples):
 
 @pytest.mark.parametrize("model", ["inflate_deflate", "piecewise", "piecewise_inflate_deflate"])
 def test_hard_sections_come_back_from_what_they_made(model):
-    truth, u = published(model), two_sines(480)
+    truth, u, counts = published(model), two_sines(480), []
     fit = fit_motion(
         [record(u, simulate(truth, {"input": u}))],
         recipe(sections=truth.boundaries, direction=truth.directed, slowest=5.0),
+        lambda done, total: counts.append((done, total)),
     )
+    total = len(truth.sections)
+    assert counts == [(number, total) for number in range(1, total + 1)]
     for ours, theirs in zip(fit.model.sections, truth.sections, strict=True):
         assert ours.id == theirs.id
         assert (ours.p1, ours.p2, ours.p3) == pytest.approx(

@@ -31,7 +31,7 @@ from mapmore_cli.annexes.motion.simulation import (
 from mapmore_cli.domain.errors import DataError, FitError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.kinds import parameters, runs_over_time
+from mapmore_cli.modelling.kinds import parameters, predict, runs_over_time
 from mapmore_cli.modelling.memory.records import AtSample
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
@@ -190,6 +190,15 @@ def test_each_piece_begins_at_rest():
         values, np.concatenate([run(motion, u[:60]), run(motion, u[60:])]), atol=1e-12
     )
     assert values[60] == pytest.approx(u[60] * motion.sections[0].gain)
+
+
+def test_a_run_starts_again_after_an_unknown_input():
+    motion, u = published("linear"), sine(60)
+    u[[20, 21]] = np.nan
+    model = Model("a", Quantity("y", "mm"), (Quantity("input", "V"),), StateSpace(motion, ()))
+    found = predict(model, {"input": u})
+    expected = np.concatenate([run(motion, u[:20]), [np.nan] * 2, run(motion, u[22:])])
+    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_another_time_step_is_refused():

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from scipy.stats import t as student
 
 from mapmore_cli.modelling.signals import shift as shifts
 from mapmore_cli.modelling.signals.shift import (
@@ -235,6 +236,24 @@ def test_a_peak_has_its_top_on_the_parabola_through_three_points(size, place):
     assert _vertex(np.array(size, dtype=float), 1) == pytest.approx(place)
     for end in (0, 2):
         assert _vertex(np.array(size, dtype=float), end) == 0
+
+
+def test_the_half_width_is_that_of_noise_with_an_autocovariance():
+    """Of 64 samples: `t sqrt(sum_k R(k) A(k)) / sum u' v'`, with the autocovariance R of the
+    difference, and the sums A of products of the slope of the mean.
+    """
+    random = np.random.default_rng(5)
+    truth = np.sin(np.arange(64) / 4)
+    u, v = truth + 0.1 * random.standard_normal((2, 64))
+    u, v = u - u.mean(), v - v.mean()
+    v = v * np.sqrt(u @ u / (v @ v))
+    slope, rest = np.gradient((u + v) / 2), u - v
+    sums = [np.correlate(signal, signal, "full") for signal in (rest, slope)]
+    variance = np.dot(*sums) / 64
+    products = (np.abs(np.fft.rfft(slope, 128)) * np.abs(np.fft.rfft(rest, 128))) ** 2
+    freedom = products.sum() ** 2 / (products @ products)
+    expected = student.ppf(0.975, freedom) * np.sqrt(variance) / (np.diff(u) @ np.diff(v))
+    assert _half_width(u, v, 0) == pytest.approx(expected, rel=1e-3)
 
 
 def test_records_that_never_change_together_have_no_interval():
