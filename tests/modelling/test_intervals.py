@@ -125,8 +125,8 @@ def few(count, offset=2.0, repeats=1, astray=0.0, apart=np.nan):
     ],
 )
 def test_the_rule_for_few_levels_is_written_out(at, level, residual, count, scale):
-    """Levels at 0, 100, 400 and more; those left out have an error of 2 and a scatter of 1."""
-    parts = {"1": [np.array([1.0, 3.0])]}
+    """Levels at 0, 100, 400 and more; those left out have an error of 2 and a scatter of 1.5."""
+    parts = {"1": [np.array([0.5, 3.5])]}
     made = replace(
         left_out_summary("levels", count, parts),
         places=(0.0, 100.0, 400.0, 500.0, 600.0, 800.0)[:count],
@@ -136,7 +136,7 @@ def test_the_rule_for_few_levels_is_written_out(at, level, residual, count, scal
     t = min(max((at - low) / width, 0.0), 1.0)
     small = max(residual, 1e-3 * 40.0)
     gap = width / made.places[-1] * (count - 1)
-    half = scale * np.cbrt(np.sqrt(5.0) * small**2) * gap**0.75
+    half = scale * np.cbrt(2.5 * small**2) * gap**0.75
     half *= max(4 * t * (1 - t), 0.05) ** 0.6
     normal = stats.norm.ppf(0.5 + level / 2)
     expected = max(half, 1.959964 * residual) * normal / 1.959964

@@ -29,7 +29,7 @@ from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.signals.rates import FALL, RISE
 
 NORMALISERS: Mapping[str, tuple[str, Callable[[float, float], float]]] = {
-    "max": ("max|{}| over {}", lambda low, high: max(abs(low), abs(high))),
+    "max": ("max|{}| over {}", lambda low, high: max(-low, high)),
     "range": ("range of {} over {}", lambda low, high: high - low),
 }
 """Normalisers by the names that specs use: `max |y|` (M2 eq 13), and `max y - min y` for quantities

@@ -20,7 +20,7 @@ from mapmore_cli.modelling.equations import summed
 from mapmore_cli.modelling.expressions import evaluate, families
 from mapmore_cli.modelling.expressions.families import lags, operated
 from mapmore_cli.modelling.expressions.operators.play import play
-from mapmore_cli.modelling.memory import fitting, selectors
+from mapmore_cli.modelling.memory import fitting, selectors, training
 from mapmore_cli.modelling.memory.fitting import fit_outputs, fit_with_memory
 from mapmore_cli.modelling.memory.free_run import Along
 from mapmore_cli.modelling.memory.model import memory_model, outliers_fed_back
@@ -269,6 +269,24 @@ def test_errors_of_a_regularised_fit_are_those_of_its_normal_equations():
     spread = np.linalg.solve(normal, centred.T)
     errors = np.sqrt(np.diag(spread @ spread.T) * (left @ left) / (60 - 2))
     assert fit.model.theta_error[order] == pytest.approx(errors, rel=1e-9)
+
+
+def test_open_parameters_are_variables_of_a_problem_that_searches_them():
+    x = wandering(50)
+    data = TrainingData([record(x=x, y=x)], recipe_of("y", ("slow(x)", "x"), max_terms=1), (0.1,))
+    chosen = np.array([0, 1])
+    assert data.problem(chosen).between.shape == (2, 3)  # two coefficients and the constant
+    assert data.problem(chosen, search=True).between.shape == (2, 4)
+
+
+@pytest.mark.parametrize("beyond", [False, True])
+def test_errors_of_more_values_than_a_limit_assume_independent_samples(beyond, monkeypatch):
+    x = wandering(60)
+    monkeypatch.setattr(training, "MOST", 60 - beyond)
+    data = TrainingData(
+        [record(x=x, y=x + 0.1 * wandering(60, 1))], recipe_of("y", ("x",), max_terms=1)
+    )
+    assert np.isnan(data.fit(data.selector.best()).selection.worth) == beyond
 
 
 def test_a_free_run_ends_with_the_last_sample_that_counts():

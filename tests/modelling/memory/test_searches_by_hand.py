@@ -62,9 +62,7 @@ def line(ridge=0.0, constant=True, low=-np.inf, high=np.inf, counted=(4,), fed_b
 
 @pytest.mark.parametrize("ridge", [0.0, 3.0])
 def test_the_least_error_is_that_of_the_normal_equations(ridge):
-    problem = line(ridge)
-    found = minimise(problem, np.array([10.0, -7.0]), None, THOROUGH)
-    assert len(problem.asked) < 30  # it ends when the error no longer decreases
+    found = minimise(line(ridge), np.array([10.0, -7.0]), None, THOROUGH)
     P = Line.PHI
     expected = np.linalg.solve(P.T @ P + np.diag([ridge, 0.0]), P.T @ Line.Y)
     np.testing.assert_allclose(found.vector, expected, rtol=1e-5)

@@ -199,6 +199,7 @@ def test_a_run_starts_again_after_an_unknown_input():
     found = predict(model, {"input": u})
     expected = np.concatenate([run(motion, u[:20]), [np.nan] * 2, run(motion, u[22:])])
     np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert predict(model, {"input": np.empty(0)}).shape == (0,)
 
 
 def test_another_time_step_is_refused():

@@ -67,6 +67,18 @@ def test_step_responses_and_models_that_run_over_time_are_shown_over_time(monkey
         assert shown.in_time(None, Dataset("force", None, {}, (), made)) == found
 
 
+@pytest.mark.parametrize(("turned", "order"), [(False, "strain"), (True, "force")])
+def test_residuals_of_an_inverted_model_are_in_the_order_of_its_output(turned, order, monkeypatch):
+    asked = []
+    monkeypatch.setattr(shown, "is_turned", lambda *_: turned)
+    monkeypatch.setattr(shown, "residual_tests", lambda *given: asked.append(given[-1]) or ())
+    samples = curves()
+    given = Dataset("force", "pressure", QUANTITIES, (), samples)
+    own = tuple(one.columns["force"] for one in samples)
+    shown.for_report(Validation({"mapmore": own}, {}, (), {}), built(), given)
+    assert asked == [order]
+
+
 @pytest.mark.parametrize("most", [120, 40])
 def test_of_long_curves_the_extremes_of_values_and_errors_are_kept(most, monkeypatch):
     """In each of ten parts of the 120 samples of a curve. The log is thinned as well."""
