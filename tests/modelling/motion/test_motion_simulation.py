@@ -194,10 +194,11 @@ def test_each_piece_begins_at_rest():
 
 def test_a_run_starts_again_after_an_unknown_input():
     motion, u = published("linear"), sine(60)
-    u[[20, 21]] = np.nan
+    u[[20, 22]] = np.nan
     model = Model("a", Quantity("y", "mm"), (Quantity("input", "V"),), StateSpace(motion, ()))
     found = predict(model, {"input": u})
-    expected = np.concatenate([run(motion, u[:20]), [np.nan] * 2, run(motion, u[22:])])
+    parts = [run(motion, part) for part in (u[:20], u[21:22], u[23:])]
+    expected = np.concatenate([parts[0], [np.nan], parts[1], [np.nan], parts[2]])
     np.testing.assert_allclose(found, expected, atol=1e-12)
     assert predict(model, {"input": np.empty(0)}).shape == (0,)
 

@@ -16,7 +16,7 @@ from mapmore_cli.annexes.motion.body import (
     MotionSection,
     SectionSearch,
 )
-from mapmore_cli.annexes.motion.page import sections_table, show_fit, waveforms_table
+from mapmore_cli.annexes.motion.page import sections_table, show_fit, tables, waveforms_table
 from mapmore_cli.annexes.motion.simulation import motion_errors
 from mapmore_cli.domain.recording import Quantity
 
@@ -112,3 +112,6 @@ def test_errors_are_those_of_whole_recordings_that_were_held_out(shown):
     b = slice(n, 2 * n)
     errors = motion_errors(columns["y"][b], good[b], columns["u"][b], 0.25)
     assert rows == (() if shown else (("b", "mapmore", *errors),))
+    for fits, names in (({"mapmore": FIT, "other": None}, ["waveforms", "sections"]), ({}, [])):
+        inputs.fits = fits
+        assert [table.name for table in tables(inputs)] == names
