@@ -102,6 +102,30 @@ def test_a_swarm_finds_the_bottom_of_a_bowl_from_its_box_and_may_leave_it(begin)
     assert history[-1] < 0.01
 
 
+def test_a_swarm_moves_as_published(monkeypatch):
+    """Three particles, three times: `v = 0.9 v + 2 r1 (own best - x) + 2 r2 (common best - x)`."""
+    monkeypatch.setattr(solvers, "PARTICLES", 3)
+    monkeypatch.setattr(solvers, "ITERATIONS", 3)
+    walls, seen = np.array([[-1.0, -1.0], [1.0, 1.0]]), []
+
+    def cost(x):
+        return float(np.sum((x - 0.2) ** 2))
+
+    fly(lambda x: (seen.append(x.copy()), cost(x))[1], walls, np.random.default_rng(7))
+    rng = np.random.default_rng(7)
+    x, v = -1 + 2 * rng.random((3, 2)), np.zeros((3, 2))
+    own, expected = x.copy(), [*x]
+    for _ in range(3):
+        common = min(own, key=cost).copy()
+        r1, r2 = rng.random((3, 2)), rng.random((3, 2))
+        v = 0.9 * v + 2 * r1 * (own - x) + 2 * r2 * (common - x)
+        stopped = np.abs(x + v) > 1
+        x, v = np.clip(x + v, -1, 1), np.where(stopped, 0, v)
+        own = np.array([min(pair, key=cost) for pair in zip(own, x, strict=True)])
+        expected += [*x]
+    np.testing.assert_allclose(seen, expected)
+
+
 def piece_of(y, counts=None, **drives):
     counts = np.ones(len(y), dtype=bool) if counts is None else counts
     columns = drives or {"input": np.zeros(len(y))}

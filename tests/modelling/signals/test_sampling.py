@@ -228,6 +228,15 @@ def test_running_medians_are_of_half_a_window_around_each_point(seed, window):
         np.testing.assert_allclose(medians, np.interp(points, points[known], own), atol=1e-9)
 
 
+def test_an_offset_of_a_quantity_costs_no_digits():
+    time = rounded_stamps(1, 500)
+    far = 1e9 + np.sin(9 * time)
+    values = far - 1e9  # exact
+    np.testing.assert_allclose(rate(time, far, 0.04, 3), rate(time, values, 0.04, 3), atol=1e-9)
+    for pair in ((far, time), (time, far)):
+        assert correlation(*pair) == pytest.approx(correlation(values, time), rel=1e-12)
+
+
 def test_blocks_do_not_show(monkeypatch):
     time = rounded_stamps(1, 500)
     values = np.sin(9 * time)
