@@ -17,7 +17,7 @@ from mapmore_cli.modelling.signals.plateau import (
     find_plateau,
     match_levels,
 )
-from mapmore_cli.modelling.signals.rates import direction, needed_signals, with_signals
+from mapmore_cli.modelling.signals.rates import FALL, RISE, direction, needed_signals, with_signals
 
 
 def in_bins(**extra):
@@ -88,9 +88,10 @@ rates = arrays(float, st.integers(1, 60), elements=st.floats(-20, 20))
 @example(np.array([-2.0]), 2.0)
 def test_the_direction_is_latched_and_causal(rate, dead_band):
     found = direction(rate, dead_band)
-    last = 1.0
+    last = RISE
     for value, told in zip(rate, found, strict=True):  # the definition, sample by sample
-        last = np.sign(value) if abs(value) > dead_band else last
+        moves = RISE if value > 0 else FALL
+        last = moves if abs(value) > dead_band else last
         assert told == last
     assert np.array_equal(
         direction(rate[: len(rate) // 2 + 1], dead_band), found[: len(rate) // 2 + 1]
