@@ -128,6 +128,8 @@ class TestCompare:
         moves = share * (ratios - 1)
         sums = [abs(np.dot(signs, moves)) for signs in itertools.product((1, -1), repeat=7)]
         assert found.p_permutation == np.mean(np.array(sums) >= abs(moves.sum()) * (1 - 1e-9))
+        alike = compare(before, muscle("c", levels=levels, scatter=0.02, seed=3))
+        assert 0.05 < alike.p_permutation < 1  # some curves are stronger, and others weaker
         assert [found.moved(limit) for limit in (0.03, 0.06)] == [True, False]
         assert not replace(found, same_recordings=True).moved(0.03)
         assert replace(found, ratio=0.5).moved(0.4)

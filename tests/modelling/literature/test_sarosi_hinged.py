@@ -96,6 +96,23 @@ def test_sums_of_squares_and_errors_of_a_hinge_are_with_the_priors():
     assert [*fit.errors.values()] == pytest.approx(expected.tolist(), rel=1e-3)
 
 
+def test_a_known_curvature_is_the_only_start(monkeypatch):
+    seen = []
+
+    def searched(system, starts, *more, **options):
+        seen.append([start[hinge.A3] for start in starts])
+        return descend(system, starts, *more, **options)
+
+    descend = hinge.descend
+    monkeypatch.setattr(hinge, "descend", searched)
+    columns, y = slack_muscle(0, FOUR)
+    fit = hinge.fit_hinge(columns, y)
+    again = hinge.fit_hinge(columns, y, fit.parameters["a3"])
+    assert seen[0] == [-8.0, -4.0, -2.0, -0.7, 1.5]
+    assert seen[-1] == [pytest.approx(fit.parameters["a3"] * 0.12)]
+    assert again.sse == pytest.approx(fit.sse, rel=1e-6)
+
+
 @pytest.mark.parametrize("unit", [1.0, 0.0])
 @pytest.mark.parametrize(
     ("hinged_off", "plain_off", "plain_status", "near"),

@@ -31,7 +31,7 @@ from mapmore_cli.annexes.motion.simulation import (
 from mapmore_cli.domain.errors import DataError, FitError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.kinds import parameters, predict, runs_over_time
+from mapmore_cli.modelling.kinds import parameters, predict, runs_over_time, verbs_of
 from mapmore_cli.modelling.memory.records import AtSample
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
@@ -190,6 +190,14 @@ def test_each_piece_begins_at_rest():
         values, np.concatenate([run(motion, u[:60]), run(motion, u[60:])]), atol=1e-12
     )
     assert values[60] == pytest.approx(u[60] * motion.sections[0].gain)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_has_a_section_for_each_place_and_direction(name):
+    motion = published(name)
+    for changed, count in ((motion, 0), (replace(motion, sections=motion.sections[1:]), 1)):
+        model = Model("a", Quantity("y", "mm"), (), StateSpace(changed, ()))
+        assert len([*verbs_of(model).faults(model)]) == count
 
 
 def test_a_run_starts_again_after_an_unknown_input():

@@ -118,7 +118,7 @@ def test_pieces_that_add_nothing_to_their_backbone_are_an_alarm():
     assert ends_of(built(CURVES), 0.0) == []
 
 
-def test_the_share_of_an_input_is_its_uncertainty_times_the_slope():
+def test_the_share_of_an_input_is_its_uncertainty_times_the_slope(monkeypatch):
     """`y = 1 + 10 x` and `(0.5 * 10)^2 / mean e^2`, e what is left."""
     x = np.linspace(0.0, 1.0, 50)
     y = 1 + 10 * x + np.random.default_rng(0).normal(0, 2, 50)
@@ -133,6 +133,8 @@ def test_the_share_of_an_input_is_its_uncertainty_times_the_slope():
     found = re.search(r"makes up ([\d.e+]+) %", sentence).group(1)
     assert float(found) == pytest.approx(100 * share, rel=5e-3)
     assert list(explained_by_inputs(model, dataset_of(made))) == []
+    monkeypatch.setattr(residuals, "runs_over_time", lambda _model: True)
+    assert list(explained_by_inputs(model, dataset_of(made, quantities=names))) == []
 
 
 def test_far_samples_are_found_in_their_files_the_farthest_first(monkeypatch):
@@ -146,7 +148,15 @@ def test_far_samples_are_found_in_their_files_the_farthest_first(monkeypatch):
     first = replace(CURVES[0], held_out=np.ones(120, dtype=bool))
     curve = Curve("p", 100.0, columns, held, ("r0", "r1"), origin=origin)
     logs = [
-        Recording(f"r{n}", f"r{n}.csv", {"strain": x[origin == n]}, 20, {}, "", first_row)
+        Recording(
+            f"r{n}",
+            f"r{n}.csv",
+            {"strain": x[origin == n], "load": np.zeros(20)},
+            20,
+            {},
+            "",
+            first_row,
+        )
         for n, first_row in enumerate((2, 0))
     ]
     given = dataset_of((first, curve), logs)

@@ -161,6 +161,8 @@ def test_a_plateau_has_several_samples_and_at_least_half_the_length_of_the_rise(
 def test_a_pressure_that_never_changes_never_rises(count):
     with pytest.raises(DataError, match="the pressure never rises; it stays between 3 and 3"):
         find_plateau(np.arange(count) * 1.0, np.full(count, 3.0), {})
+    with pytest.raises(DataError, match="the pressure never rises"):  # two samples may be noise
+        find_plateau(np.arange(2.0), np.array([0.0, 100.0]), {})
 
 
 def test_signals_follow_in_order_and_only_where_they_are_missing():
