@@ -25,6 +25,7 @@ from mapmore_cli.modelling.validation.common_curves import common_curves, grid
 from mapmore_cli.modelling.validation.comparison import (
     Comparison,
     TermChange,
+    _coefficients,
     compare,
     reference_points,
     term_changes,
@@ -74,7 +75,8 @@ class TestMean:
         assert found.p == pytest.approx(stats.ttest_1samp(x, 0).pvalue, rel=1e-6, abs=1e-12)
 
     def test_one_number_says_nothing(self):
-        assert weighted_mean(np.array([1.2]), np.ones(1), 0.95).interval == (-math.inf, math.inf)
+        found = weighted_mean(np.array([1.2]), np.ones(1), 0.95)
+        assert (found.interval, found.p) == ((-math.inf, math.inf), 1.0)
 
     @given(arrays(float, st.integers(6, 10), elements=st.floats(-5, 5).map(lambda v: round(v, 3))))
     @settings(max_examples=25)
@@ -86,7 +88,8 @@ class TestMean:
 
     def test_few_curves_have_no_permutation(self):
         assert sign_permutation(np.ones(5)) is None
-        assert sign_permutation(np.ones(6)) == 2 / 64
+        for count in (6, 14):
+            assert sign_permutation(np.ones(count)) == 2 / 2**count
         assert sign_permutation(np.ones(20)) < 0.01
 
 
@@ -125,8 +128,12 @@ class TestCompare:
         moves = share * (ratios - 1)
         sums = [abs(np.dot(signs, moves)) for signs in itertools.product((1, -1), repeat=7)]
         assert found.p_permutation == np.mean(np.array(sums) >= abs(moves.sum()) * (1 - 1e-9))
+        alike = compare(before, muscle("c", levels=levels, scatter=0.02, seed=3))
+        assert 0.05 < alike.p_permutation < 1  # some curves are stronger, and others weaker
         assert [found.moved(limit) for limit in (0.03, 0.06)] == [True, False]
         assert not replace(found, same_recordings=True).moved(0.03)
+        assert replace(found, ratio=0.5).moved(0.4)
+        assert not replace(found, ratio=0.5).moved(0.5)
 
     def test_what_interpolation_leaves_unsure_is_part_of_the_resolution(self):
         """`1.96 sqrt(sum (share u)^2)` of both models, in parts of the curve's root mean square."""
@@ -183,6 +190,8 @@ class TestCompare:
             b = muscle("b", levels=tuple(level + apart for level in LEVELS))
             assert {place.interpolated for place in common_curves(a, b)} == {interpolated}
         assert compare(a, a).margin == 0.01
+        two = common_curves(muscle("a", levels=LEVELS[:3]), muscle("b", levels=(*LEVELS[1:3], 350)))
+        assert [(place.level, place.interpolated) for place in two] == [(200, False), (300, False)]
 
     @pytest.mark.parametrize(
         ("other", "words"),
@@ -251,6 +260,8 @@ class TestCompare:
                 np.hypot(errors[place], 2 * own["theta_error"][place])
             )
         assert {one.errors_note for one in found} == {"another note"}
+        own_numbers = [*_coefficients(noted).values()]
+        assert own_numbers == [(-1.0, 0.2), (-8.0, 0.4)]  # an error is never negative
         least = replace(noted, errors_note=LOWER_BOUND)
         lower = replace(b, body=replace(b.body, curves=(replace(curve, segments=(least, second)),)))
         for pair in ((lower, later), (later, lower)):
@@ -289,6 +300,14 @@ def test_none_that_is_simpler_is_as_good(table):
             or size > sizes[found.chosen]
             or (means[number] >= means[found.chosen] - 1e-12)
         )
+
+
+def test_the_spread_is_the_standard_error_of_the_mean_difference_of_logarithms():
+    errors = np.array([[1.0, 2.0, 4.0], [1.5, 2.2, 4.1]])
+    above = np.log(errors[1] / errors[0])
+    found = simplest_of([9, 1], errors)
+    assert found.excess == pytest.approx([0, above.mean()])
+    assert found.spread == pytest.approx([0, np.std(above, ddof=1) / np.sqrt(3)])
 
 
 @given(TABLES, st.randoms(), st.booleans())
@@ -378,6 +397,8 @@ def test_the_simplest_that_is_as_good_is_taken(name):
         ({"ratio": 1.05, "interval": (1.0, 1.1)}, "cannot tell"),
         ({"ratio": 1.05, "interval": (1.04, 1.06)}, "changed"),
         ({"ratio": 0.985}, "cannot tell"),  # within the margin
+        ({"ratio": 0.75, "interval": (0.7, 0.8), "narrow": (0.7, 0.8), "margin": 0.25},
+         "cannot tell"),
         ({"resolution": 0.06}, "cannot tell"),  # less than can be told from none
         ({"same_recordings": True}, "settings"),
         ({"ratio": 1.0, "narrow": (0.985, 1.015), "interval": (0.98, 1.02)}, "same"),

@@ -10,7 +10,7 @@ import pytest
 from surfaces import built, curves
 
 from mapmore_cli.domain.fits import Scaling
-from mapmore_cli.modelling.equations import equation, rounded
+from mapmore_cli.modelling.equations import equation, rounded, summed
 from mapmore_cli.modelling.expressions import evaluate, parse, to_text
 from mapmore_cli.modelling.kinds import equations, predict
 from mapmore_cli.modelling.pieces.recipe import Cuts
@@ -123,8 +123,11 @@ def test_terms_that_cancel_in_the_samples_keep_enough_digits():
     )
     limits = {name: (0.0, float(x.max())) for name, x in columns.items()}
     terms = ("strain^2", "pressure^2")
-    found = equation("a", terms, theta / scaling.y_slope, scaling, limits, {})
-    assert np.abs(read(found.text, columns) - y).max() < STATED * np.ptp(y) < 1
+    for sign in (1, -1):
+        turned = replace(scaling, y_slope=sign * scaling.y_slope)
+        found = equation("a", terms, theta / turned.y_slope, turned, limits, {})
+        assert np.abs(read(found.text, columns) - y).max() < STATED * np.ptp(y) < 1
+        assert len(found.text) < 60  # not more digits than needed
 
 
 def test_other_units_are_in_the_meanings():
@@ -180,3 +183,22 @@ def test_a_long_model_has_an_equation_too():
 def test_rounded_numbers_are_those_that_are_printed(digits):
     whole = parse("1234.5*x^2.3456 - 0.98765*exp(-(x - 0.12345678)/0.0345678)/y^-7.6543 + 1e-7*x^3")
     assert rounded(whole, digits) == parse(to_text(whole, digits))
+
+
+@pytest.mark.parametrize(
+    ("terms", "low"),
+    [
+        (("sqrt(1 + x)", "x"), -1.0),
+        (("sqrt(1 + x)", "x", "x^2"), -1.0),
+        (("sqrt(1 + x)", "exp(x)", "x"), 0.0),  # most terms are shorter with x + 1
+    ],
+)
+def test_an_input_below_zero_is_shifted_if_most_terms_become_shorter(terms, low):
+    scaling = scaling_of(["x"], [2], [4], "right", (1.0, 0.0))
+    whole, where = summed(terms, np.ones(len(terms)), scaling, {})
+    ends = {"x": np.array([2.0, 4.0])}
+    (scaled,) = (evaluate(line, ends) for line in where.values())
+    assert scaled == pytest.approx([low, low + 1])
+    direct = {"x": np.array([-1.0, 0.0])}
+    expected = sum(evaluate(parse(term), direct) for term in terms)
+    assert evaluate(whole, dict.fromkeys(where, scaled)) == pytest.approx(expected)

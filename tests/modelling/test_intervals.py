@@ -22,6 +22,7 @@ from mapmore_cli.modelling.validation.intervals import (
     scatter_of_recordings,
     with_levels,
 )
+from mapmore_cli.modelling.validation.offsets import offsets_of
 
 
 def left_out(offsets, noise, samples=200, curves=None):
@@ -124,8 +125,8 @@ def few(count, offset=2.0, repeats=1, astray=0.0, apart=np.nan):
     ],
 )
 def test_the_rule_for_few_levels_is_written_out(at, level, residual, count, scale):
-    """Levels at 0, 100, 400 and more; those left out have an error of 2 and a scatter of 1."""
-    parts = {"1": [np.array([1.0, 3.0])]}
+    """Levels at 0, 100, 400 and more; those left out have an error of 2 and a scatter of 1.5."""
+    parts = {"1": [np.array([0.5, 3.5])]}
     made = replace(
         left_out_summary("levels", count, parts),
         places=(0.0, 100.0, 400.0, 500.0, 600.0, 800.0)[:count],
@@ -135,7 +136,7 @@ def test_the_rule_for_few_levels_is_written_out(at, level, residual, count, scal
     t = min(max((at - low) / width, 0.0), 1.0)
     small = max(residual, 1e-3 * 40.0)
     gap = width / made.places[-1] * (count - 1)
-    half = scale * np.cbrt(np.sqrt(5.0) * small**2) * gap**0.75
+    half = scale * np.cbrt(2.5 * small**2) * gap**0.75
     half *= max(4 * t * (1 - t), 0.05) ** 0.6
     normal = stats.norm.ppf(0.5 + level / 2)
     expected = max(half, 1.959964 * residual) * normal / 1.959964
@@ -172,11 +173,28 @@ def test_errors_that_chance_makes_in_a_fifth_of_all_cases_are_not_the_models():
 @pytest.mark.parametrize(("count", "freedom"), [(5, 2.4), (8, 4.2)])
 def test_left_out_levels_tell_what_repeats_do_not(count, freedom):
     """Their squared errors are 1.5 of the offsets', beside the noise; a new curve at a level has
-    twice those.
+    twice those, and what neighbouring samples share has the same quantile.
     """
-    half = half_widths(few(count), np.array([100.0]), 0.95)
-    of_curves = stats.t(freedom).ppf(0.975) ** 2 * (4 - 0.25) / 1.5 * 2
-    assert half[0] ** 2 == pytest.approx(stats.norm.ppf(0.975) ** 2 * 0.25 + of_curves)
+    half = half_widths(replace(few(count), smooth=0.3), np.array([100.0]), 0.95)
+    of_curves = stats.t(freedom).ppf(0.975) ** 2 * ((4 - 0.25) / 1.5 * 2 + 0.09)
+    assert half[0] ** 2 == pytest.approx(stats.norm.ppf(0.975) ** 2 * 0.16 + of_curves)
+
+
+def test_repeats_decide_if_they_have_as_many_degrees_of_freedom_as_left_out_levels():
+    """Of six levels, these are three."""
+    for repeats, repeated in (((2, 2, 2, 1, 1, 1), True), ((2, 2, 1, 1, 1, 1), False)):
+        assert offsets_of(replace(few(6, apart=0.3), repeats=repeats)).repeated is repeated
+
+
+def test_a_model_without_any_error_has_an_interval_of_no_width():
+    perfect = replace(few(4, offset=0.0), residual=0.0)
+    assert half_widths(perfect, np.array([100.0, 150.0]), 0.95).tolist() == [0, 0]
+
+
+def test_samples_without_a_level_or_beyond_the_levels_have_the_width_of_a_gap_or_an_end():
+    at = np.array([np.nan, 250.0, 350.0, 300.0])
+    unknown, middle, beyond, last = half_widths(few(4, repeats=3, apart=0.3), at, 0.95)
+    assert unknown == middle > beyond == last
 
 
 @pytest.mark.parametrize("count", [7, 9])
@@ -260,6 +278,8 @@ def test_repeats_may_differ_by_slopes_of_their_own():
     found = scatter_of_recordings([[rising, level], [level, level]])
     assert found == pytest.approx(np.sqrt(square / 2 - (noise + 0.5) / 2))
     assert np.isnan(scatter_of_recordings([[rising], [level]]))
+    four = [np.array([1.0, 3.0, 5.0, 7.0]), np.zeros(4)]  # one sample in each part has no scatter
+    assert scatter_of_recordings([four]) == pytest.approx(np.sqrt(square))
 
 
 @pytest.mark.parametrize(
@@ -273,13 +293,9 @@ def test_repeats_may_differ_by_slopes_of_their_own():
 )
 def test_what_cannot_be_told_has_no_interval_and_a_sentence(count, repeats, words):
     """Repeats of two levels tell it at these, and not between them."""
-    kept = few(4, apart=np.nan if repeats == 1 else 0.3)
-    kind = "levels" if count > 2 else "blocks"
-    found = replace(
-        kept, kind=kind, places=tuple(100.0 * np.arange(count)), repeats=(repeats,) * count
-    )
-    half = half_widths(found, np.array([0.0, 50.0]), 0.95)
-    assert np.isnan(half).tolist() == ([True, True] if repeats == 1 else [False, True])
+    found = few(count, repeats=repeats, apart=np.nan if repeats == 1 else 0.3)
+    half = half_widths(found, np.array([0.0, 1.9, 2.0, 50.0]), 0.95)  # 2 % of the gap is off it
+    assert np.isnan(half).tolist() == [repeats == 1] * 2 + [True] * 2
     assert words in (interval_limits(found) or "")
 
 

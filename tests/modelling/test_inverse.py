@@ -268,6 +268,8 @@ def test_three_solutions_between_two_places_at_which_the_slope_is_evaluated():
     [
         ((0.5, 1.5), (1.0, 1.0), False),  # straight
         ((0.5, 1.5), (2.9, 2.9), False),  # a cubic that still rises
+        ((0.5, 1.5), (3.0, 3.0), False),  # three times the slope of the secant
+        ((0.5, 1.5), (1.0, -1.0), False),
         ((0.5, 1.5), (3.1, 0.0), True),
         ((0.5, 1.5), (0.0, 3.1), True),
         ((-0.5, -1.5), (-3.1, 0.0), True),

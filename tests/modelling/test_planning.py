@@ -50,6 +50,21 @@ def test_a_fitted_process_is_likelier_than_its_neighbours():
             assert likelihood(other) < likelihood(start)
 
 
+def test_a_process_of_zeros_has_the_smallest_deviation():
+    found = most_likely(np.random.default_rng(4).random((9, 2)), np.zeros(9))
+    assert found.deviation == pytest.approx(0.3)
+
+
+def test_a_process_has_its_parameters_within_their_bounds():
+    x = np.linspace(0, 1, 20)
+    smooth, alternating = (
+        most_likely(x[:, None], y) for y in (np.sqrt(12) * (x - 0.5), np.tile([-1.0, 1.0], 10))
+    )
+    size = np.std(smooth.y)
+    assert (smooth.deviation / size, smooth.noise / size) == pytest.approx((3.0, 1e-3))
+    assert (alternating.noise, *alternating.lengths) == pytest.approx((0.5, 0.1))
+
+
 def map_of():
     x = np.random.default_rng(1).random((9, 2)) * [500.0, 0.25]
     x[:4] = [[0, 0], [500, 0], [0, 0.25], [500, 0.25]]

@@ -12,6 +12,7 @@ from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.expressions import Name
 from mapmore_cli.modelling.kinds import fed_back, predict
+from mapmore_cli.modelling.memory.simulation import divergence_bounds
 from mapmore_cli.modelling.program.values import ready_for_one_sample
 from mapmore_cli.modelling.program.writing import Writer, limit
 from mapmore_cli.modelling.programs import program_of
@@ -76,3 +77,41 @@ def test_a_branch_of_one_sample_is_that_of_the_first_condition_that_holds(x, cli
     block = m.side(lambda: m.clip(Name("x"), -1.0, m.use("y", "double", [1.0])))
     run = ready_for_one_sample(block, {"double": lambda _m, one: 2 * one})
     assert run({"x": np.float64(x)}, 1) == [clipped]
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_an_output_at_the_end_of_the_bounds_has_not_diverged(end):
+    model = WITH_MEMORY["diverging"]
+    memory = replace(model.body.model, theta=np.array([0.0, 1.0]), constant=0.0)
+    model = replace(model, body=replace(model.body, model=memory))  # the output is the pressure
+    bound = divergence_bounds(memory.limits)[end]
+    pressure = np.array([1.0, 1.0, 1.0, bound, 1.0, 2 * bound, 1.0])
+    module = imported(model, plain=False)
+    state = module.State()
+    found = []
+    for value in pressure:
+        found.append(module.step(state, pressure=value))
+        if len(found) <= 3:
+            state.measured(1.0)
+    expected = [np.nan] * 3 + [bound, 1.0, np.nan, np.nan]
+    np.testing.assert_array_equal(found, expected)
+    columns = {"pressure": pressure, "force": np.ones(7)}
+    np.testing.assert_array_equal(predict(model, columns), expected)
+
+
+@pytest.mark.parametrize(
+    "pressure",
+    [
+        # a rise, a fall by just the dead band of 25, and rises and falls by more
+        [100, 150, 125, 150, 160, 170, 180],
+        [200, 100, 125, 100, 90, 110, 140, 170],
+        [200, 240, 240, 230, 240, 250, 260],  # sections meet at 240
+    ],
+)
+def test_a_program_switches_sections_at_the_same_samples_as_the_model(pressure):
+    model = WITH_MEMORY["motion, handed on"]
+    module, n = imported(model, plain=False), len(pressure)
+    columns = {"pressure": np.array(pressure, dtype=float), "strain": np.full(n, 0.1)}
+    state = module.State()
+    found = [module.step(state, pressure=one, strain=0.1) for one in columns["pressure"].tolist()]
+    np.testing.assert_allclose(found, predict(model, columns), rtol=1e-12)

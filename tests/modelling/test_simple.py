@@ -66,6 +66,21 @@ def test_too_few_samples_make_no_polynomial():
     made = [simple.polynomial_fit(degree, three, ["u"]) is not None for degree in (2, 3)]
     assert made == [True, False]
     assert simple.polynomial_fit(1, three, []) is None
+    fits = [simple._one_step_fit(dataset_of({"y": np.arange(n)}), [], 1) for n in (2.0, 3.0)]
+    assert [theta is not None for theta in fits] == [False, True]
+
+
+def test_an_input_that_never_changes_has_no_influence_on_a_polynomial():
+    u = np.arange(9.0)
+    fitted = simple.polynomial_fit(1, dataset_of({"u": u, "v": np.full(9, 5.0), "y": 2 * u}), "uv")
+    (found,) = fitted.of_curves(dataset_of({"u": u + 1, "v": np.full(9, 5.0), "y": u}))
+    np.testing.assert_allclose(found, 2 * (u + 1))
+
+
+def test_an_arx_of_uneven_samples_counts_samples():
+    uneven = curve_of({"time": np.array([0.0, 1.0, 2.0, 2.4]), "y": np.ones(4)})
+    states = simple.Arx("y", (), 1, np.zeros(2)).as_memory([uneven], (0.0, 1.0)).model.states
+    assert (states.step, states.ordered) == (1.0, True)
 
 
 def test_a_record_whose_columns_are_kept_in_files_has_the_same_arx(monkeypatch):
@@ -159,13 +174,13 @@ def test_an_arx_needs_no_input():
     np.testing.assert_allclose(found[80:], y[80:], rtol=0, atol=5e-3)
 
 
-def test_a_run_has_diverged_at_a_thousand_times_the_largest_output_of_all_blocks():
+def test_a_run_has_diverged_beyond_a_thousand_times_the_largest_output_of_all_blocks():
     y = np.ones(40_000)
-    y[30_000] = -8.0
+    y[30_000] = -8.192
     doubling = simple.Arx("y", (), 1, np.array([0.0, 2.0]))
     found = simple._run(curve_of({"y": y}), doubling)
-    assert found[:12].tolist() == (2.0 ** np.arange(1, 13)).tolist()
-    assert np.isnan(found[12:]).all()  # 2^13 is larger than 8000
+    assert found[:13].tolist() == (2.0 ** np.arange(1, 14)).tolist()  # 2^13 is 1000 times 8.192
+    assert np.isnan(found[13:]).all()
 
 
 def test_a_cubic_of_many_quantities_has_an_equation():

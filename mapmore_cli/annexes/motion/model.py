@@ -70,7 +70,7 @@ def _falls(m: Writer, motion: Motion, u: Expression, first: Condition) -> Expres
         return falls
     play, falling, half = m.number("play"), m.number("falling"), 0.5 * motion.dead_band
     low, high = m.let("low", u - half), m.let("high", u + half)
-    moved = m.choose("play", [(first, u), (low > play, low), (high < play, high)], play)
+    moved = m.choose("play", [(first, u)], lambda: m.clip(play, low, high))
     falls = m.choose("falls", [(first, 0), (low > play, 0), (high < play, 1)], falling)
     m.keep(play, moved)
     m.keep(falling, falls)

@@ -226,19 +226,19 @@ def last_wavelength(u: Array) -> int:
     tolerance = REPEATS * float(np.ptp(u))
     for length in range(4, len(u) // 2 + 1):
         tail = u[-length:]
-        moving = np.ptp(u) > 0 and np.ptp(tail) > tolerance
+        moving = np.ptp(tail) > tolerance
         if moving and np.abs(tail - u[-2 * length : -length]).max() <= tolerance:
             return length
     return len(u)
 
 
 def motion_errors(measured: Array, predicted: Array, u: Array, step: float) -> MotionErrors:
-    """Return the errors of one recording. All signals have n samples at intervals of `step` (s)."""
+    """Return the errors of one recording. All signals have n samples, at least two, at intervals of
+    `step` (s).
+    """
     tail, before = last_wavelength(u), predicted - measured
     error, before = before[-tail:], np.abs(before[:-tail])
-    faster = np.zeros(tail)
-    if len(measured) > 1:
-        faster = (np.gradient(predicted, step) - np.gradient(measured, step))[-tail:]
+    faster = (np.gradient(predicted, step) - np.gradient(measured, step))[-tail:]
     return MotionErrors(
         root_mean_square(error),
         root_mean_square(faster),

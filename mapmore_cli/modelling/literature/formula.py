@@ -288,10 +288,18 @@ class Formula:
     def _dependences(
         self, problem: LeastSquares, values: Mapping[str, float], rank: int
     ) -> Iterator[str]:
-        """Yield a note if the data do not determine all parameters, or if the data determine all
+        """Yield a note if the data do not determine all parameters, or if the data determine some
         parameters only because the measured inputs scatter about their nominal levels.
         """
         count = len(self.fitted)
+        if not self.nonlinear:
+            held = problem.at_levels.columns
+            jacobian = self._jacobian(values, held, len(problem.y))
+            _, least, _ = linear.parameter_errors(jacobian, 0.0)
+            if least < rank:
+                decided = "the choice depends on how the measured values scatter about these levels"
+                yield dependence(least, count, held, decided)
+                return
         if rank < count:
             choice = (
                 "the solution of least norm"
@@ -299,13 +307,6 @@ class Formula:
                 else "one of many equally good solutions"
             )
             yield dependence(rank, count, problem.columns, f"{choice} was taken")
-        elif not self.nonlinear:
-            held = problem.at_levels.columns
-            jacobian = self._jacobian(values, held, len(problem.y))
-            _, least, _ = linear.parameter_errors(jacobian, 0.0)
-            if least < count:
-                decided = "the choice depends on how the measured values scatter about these levels"
-                yield dependence(least, count, held, decided)
 
     def _printed(self, problem: LeastSquares, beta: Array, c: Array) -> dict[str, float]:
         """Return all published parameters by name: the fitted ones, computed from the parameters of

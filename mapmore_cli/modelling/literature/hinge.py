@@ -228,7 +228,7 @@ def _search_bounds() -> tuple[Array, Array]:
     """Return the lower and upper bounds of the coordinates q, shape (10,) each. Only the curvature,
     the slope of the foot along the pressure, and the width are bounded.
     """
-    low, high = np.full((2, len(NAMES)), np.inf) * [[-1.0], [1.0]]
+    low, high = np.full(len(NAMES), -np.inf), np.full(len(NAMES), np.inf)
     low[[A3, B1, LN_W]] = -LARGEST_A3, 0.0, np.log(LEAST_W)
     high[[A3, LN_W]] = LARGEST_A3, np.log(LARGEST_W)
     return low, high

@@ -73,14 +73,14 @@ def parameter_errors(jacobian: Array, variance: float) -> tuple[Array, int, floa
 
 def half_width(error: float, freedom: int) -> float:
     """Return half the width of the 95 % confidence interval of a parameter, `t_{0.975, freedom}
-    error`; NaN if the error is unknown.
+    error`; NaN if the error is unknown or `freedom` is not positive.
 
     The interval assumes independent errors of equal size. Neighbouring samples of a recording have
     correlated errors, so that the interval is too narrow.
     """
     from scipy.special import stdtrit
 
-    return float(stdtrit(freedom, 0.975) * error) if freedom > 0 else float("nan")
+    return float(stdtrit(freedom, 0.975) * error)
 
 
 def _lengths(columns: Array) -> Array:

@@ -88,7 +88,7 @@ def formula_of(text: str) -> Formula:
         raise ValueError(f"the definition has {len(text)} characters; the limit is {LONGEST}")
     try:
         document = json.loads(text)
-        parameters = tuple(sorted(document["bounds"]))
+        parameters = tuple(document["bounds"])
         expression = parse(str(document["text"]))
         return Formula(
             name=str(document["name"]),
@@ -98,7 +98,7 @@ def formula_of(text: str) -> Formula:
             text=str(document["text"]),
             nonlinear=tuple(
                 Nonlinear(name, per=None, intervals=tuple(_intervals(*map(float, ends))))
-                for name, ends in sorted(document["bounds"].items())
+                for name, ends in document["bounds"].items()
                 if ends is not None
             ),
             start=RANDOM,
@@ -127,7 +127,7 @@ def _intervals(low: float, high: float) -> Iterator[tuple[float, float]]:
     contains zero, the values next to zero are left out, because the search multiplies values by
     factors and so cannot change their sign.
     """
-    least = NEAREST * max(abs(low), abs(high))
+    least = NEAREST * max(-low, high)
     if low < 0:
         yield low, high if high < 0 else -least
     if high > 0:

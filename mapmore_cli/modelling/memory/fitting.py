@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 
@@ -158,29 +159,26 @@ def _start(records: Sequence[Record], recipe: MemoryRecipe, numbers: Unknown) ->
             except NotFinite:
                 return np.inf  # a state with these parameters grows without bound
 
-    best = np.empty(0)
-    least = np.inf
     # the sets of starting values are compared on the first training samples of all pieces
     before = np.cumsum([0, *(record.training.sum() for record in records)])
     short = [
         record.training & (np.cumsum(record.training) <= SHORT - count)
         for record, count in zip(records, before, strict=False)
     ]
-    for numbers_tried in numbers.scan(ahead, STARTS):
+
+    def refined(numbers_tried: tuple[float, ...]) -> tuple[float, Array]:
         training = TrainingData(records, recipe, numbers_tried)
         searched = numbers.searched(numbers_tried)
         choice = training.selector.best()
         chosen = choice.selection.chosen
-        if not len(best):
-            # this set is returned if no set of starting values has a finite free run
-            best = searched
         part = numbers.those_of(training.open_in(chosen))
         problem = training.problem(chosen, short, search=True)
         point = refine(problem, _ahead(choice, searched[part]))
-        if point.error < least:
-            best = searched
-            least = point.error
-            *_, best[part] = problem.split(point.vector)
+        if np.isfinite(point.error):
+            *_, searched[part] = problem.split(point.vector)
+        return point.error, searched
+
+    _, best = min(map(refined, numbers.scan(ahead, STARTS)), key=itemgetter(0))
     return best
 
 

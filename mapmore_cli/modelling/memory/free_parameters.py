@@ -75,8 +75,7 @@ class Unknown:
         return np.array([self._place(end) for end in self.limits])
 
     def _place(self, numbers: Array) -> Array:
-        positive = self.limits[0] > 0
-        return np.where(positive, np.log(np.where(positive, numbers, 1.0)), numbers)
+        return np.log(numbers, out=numbers.copy(), where=self.limits[0] > 0)
 
     def searched(self, numbers: Sequence[float]) -> Array:
         """Return the search coordinates, (m,), of the parameter values `numbers`."""
@@ -86,8 +85,7 @@ class Unknown:
         """Return the parameters that belong to search coordinates, rounded to `digits` significant
         digits.
         """
-        positive = self.limits[0] > 0
-        values = np.where(positive, np.exp(np.where(positive, searched, 0.0)), searched)
+        values = np.exp(searched, out=searched.copy(), where=self.limits[0] > 0)
         return tuple(float(f"{value:.{digits}g}") + 0.0 for value in values)
 
     def those_of(self, part: Unknown) -> BoolArray:
@@ -122,12 +120,10 @@ class Unknown:
         estimated `before`, these are the earlier estimates. For all other parameters, they are the
         middle between the bounds.
         """
-        at: Array = self.bounds.mean(axis=0)
-        if before is not None:
-            known = dict(zip(before.names, before.numbers, strict=True))
-            own = np.array([name in known for name in self.names])
-            at[own] = self.searched([known.get(name, 1.0) for name in self.names])[own]
-        return at
+        known = {} if before is None else dict(zip(before.names, before.numbers, strict=True))
+        middle = self.numbers(self.bounds.mean(axis=0))
+        begun = zip(self.names, middle, strict=True)
+        return self.searched([known.get(name, number) for name, number in begun])
 
     def identified(self, searched: Array, errors: Array) -> Identified:
         """Return the parameters with their standard errors, computed from the standard errors of

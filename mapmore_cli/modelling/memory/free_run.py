@@ -108,7 +108,7 @@ class Along:
     def _pieces(self, columns: Columns, n: int) -> Iterator[tuple[IntArray, Columns, bool]]:
         """Yield the uninterrupted pieces of a block. A piece consists of rows with values of all
         inputs, one time step apart. For each piece, yield its row numbers, its columns, and True if
-        it continues the last piece of the previous block.
+        it may continue the last piece of the previous block.
         """
         inputs = memory_inputs(self.model)
         states = self.model.states
@@ -129,7 +129,7 @@ class Along:
             known_rows = rows[max(part.start - before, 0) : part.stop - before]
             if len(known_rows):
                 known = {name: np.asarray(columns[name])[known_rows] for name in names}
-                yield known_rows, known, number == 0 and before > 0
+                yield known_rows, known, number == 0
 
 
 def _refuse_other_steps(time: Array, rows: IntArray, step: float) -> None:

@@ -85,7 +85,7 @@ def outliers_fed_back(model: Model, loss: str) -> list[str]:
 
 def _base(model: Model, columns: Columns) -> Array:
     body = model.body_of(Memory)
-    if body.backbone is None and not model.inputs:
+    if body.backbone is None:
         return np.zeros(row_count(columns))
     return where_finite(
         model.inputs, columns, lambda inputs, n: backbone_values(body.backbone, inputs, n)

@@ -29,7 +29,7 @@ from mapmore_cli.modelling.memory.simulation import ReadyPiece, Trajectory
 
 FIRST = 16  # number of samples of the shortest horizon
 GROWTH = 8  # factor from one horizon to the next
-# the search ends if the next horizon is less than this multiple of the last one without divergence
+# the search ends if the next horizon is at most this multiple of the last one without divergence
 LEAST_GROWTH = 1.2
 DAMPING = 1e-3  # Levenberg-Marquardt factor at the start
 # largest Levenberg-Marquardt factor; if no step reduces the error even then, the search ends
@@ -208,7 +208,7 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
     error of the point is infinite if the search finds no free run that stays within the bounds.
     """
     *_, numbers = problem.split(start)
-    fed_back = any(piece.feedback.weights for piece in problem.pieces(numbers))
+    fed_back = problem.pieces(numbers)[0].feedback.weights
     longest = max(map(len, problem.counted))
     vector = start
     last = 0
@@ -225,7 +225,7 @@ def refine(problem: FreeRunProblem, start: Array) -> Point:
             horizon = horizon * GROWTH
             continue
         nearer = int(np.sqrt(min(horizon, longest) * last))
-        if nearer < LEAST_GROWTH * last or not last:
+        if nearer <= LEAST_GROWTH * last:
             return reached
         horizon = nearer
 

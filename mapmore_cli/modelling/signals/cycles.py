@@ -63,8 +63,6 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     rising, falling = np.concatenate(runs[1]), np.concatenate(runs[-1])
     low = max(over[rising].min(), over[falling].min())
     high = min(over[rising].max(), over[falling].max())
-    if not low < high:
-        raise DataError("contraction and extension have no common range", REMEDY)
     edges = np.linspace(low, high, samples + 1)
     means = [bin_means(over[rows], columns_at(columns, rows), edges) for rows in (rising, falling)]
     for (places, _), name in zip(means, ("contraction", "extension"), strict=True):
@@ -86,7 +84,8 @@ def turning_points(values: Array, swing: float) -> IntArray:
     ends of the movement.
 
     Except for the end of the movement, a minimum or maximum is returned only if the values then
-    move back by at least `swing`. The result is empty if no movement is as large as `swing`.
+    move back by at least `swing`. If consecutive values are equal, the first of them is the minimum
+    or maximum. The result is empty if no movement is as large as `swing`.
     """
     series = values.tolist()
     turns: list[int] = []
@@ -103,7 +102,7 @@ def turning_points(values: Array, swing: float) -> IntArray:
             direction = 1
             high = row
     if turns:
-        turns.append(high if direction > 0 else low)
+        turns.append(high if direction == 1 else low)
     return np.array(turns, dtype=np.int64)
 
 
@@ -135,7 +134,7 @@ def _trimmed_runs(over: Array) -> Mapping[int, list[IntArray]]:
     noise = 1.4826 * float(np.median(np.abs(bends))) / math.sqrt(6.0) if len(bends) else 0.0
     tolerance = min(2 * noise, TRIM * span)
     for begin, end in pairwise(turning_points(over, SWING * span)):
-        direction = 1 if over[end] > over[begin] else -1
+        direction = int(np.sign(over[end] - over[begin]))
         travelled = direction * (over[begin : end + 1] - over[begin])
         first = int(np.flatnonzero(travelled <= tolerance)[-1])
         last = first + int(np.flatnonzero(travelled[first:] >= travelled[-1] - tolerance)[0])
@@ -147,7 +146,7 @@ def cycle_starts(x: Array) -> IntArray:
     """Return the row at which each cycle of `x`, (n,), begins: the last row at rest before x rises.
     The result is empty if x never moves.
 
-    A cycle begins with a rise by at least 0.4 of the range of x. x is at rest if it is less than
+    A cycle begins with a rise by at least 0.4 of the range of x. x is at rest if it is at most
     0.05 of the range above its lowest value since the last cycle. So the value at rest may drift.
     """
     span = float(np.ptp(x)) if len(x) else 0.0

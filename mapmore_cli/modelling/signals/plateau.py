@@ -33,7 +33,7 @@ def find_levels(values: Array) -> Array:
     low, high = np.quantile(values, [0.001, 0.999], method="closest_observation")
     # Values that vary little have one level.
     # For an extremely small range, the bins of the histogram would have no width.
-    if high - low <= max(0.05 * max(abs(low), abs(high)), BINS * np.finfo(float).tiny):
+    if high - low <= max(0.05 * max(-low, high), BINS * np.finfo(float).tiny):
         return np.array([_representative(values)])
     counts, edges = np.histogram(values, bins=BINS, range=(low, high))
     density = np.maximum(counts, np.convolve(counts, np.ones(3) / 3, mode="same"))
@@ -102,7 +102,7 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
     # Medians are used, because the pressure overshoots after its rise and after its fall.
     base = float(np.median(pressure[~upper]))
     span = float(np.median(pressure[upper])) - base if upper.any() else 0.0
-    if span <= NOISE_SPANS * noise or span == 0.0:
+    if span <= NOISE_SPANS * noise:
         raise DataError(
             f"the pressure never rises; it stays between {low:g} and {high_end:g}", REMEDY
         )
@@ -113,7 +113,8 @@ def find_plateau(time: Array, pressure: Array, others: Mapping[str, Array]) -> t
         inside &= _settled(signal, later, float(np.ptp(signal)))
     end = later[0] + _first(~inside[later[0] :]) - 1
     start = _last(~inside[: end + 1]) + 1
-    rise = time[high[0]] - time[_last(pressure[: high[0]] < base + (1 - RISEN) * span)]
+    low_end = max(_last(pressure[: high[0]] < base + (1 - RISEN) * span), 0)
+    rise = time[high[0]] - time[low_end]
     if start >= end or time[end] - time[start] < SHORTEST * rise:
         rest = max(0.0, float(time[end] - time[min(start, end)]))
         names = " and ".join(["pressure", *others])

@@ -11,6 +11,7 @@ import numpy as np
 from mapmore_cli.domain.arrays import Array, Columns, IntArray
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Signal
+from mapmore_cli.modelling.signals.sampling import ROUNDING
 
 STEPS = 10  # number of grid points per window
 
@@ -28,7 +29,7 @@ def running_median(x: Array, y: Array, window: float) -> tuple[Array, Array]:
     x, y = x[order], y[order]
     grid = np.linspace(x[0], x[-1], max(1, round(STEPS * float(x[-1] - x[0]) / window)) + 1)
     # tolerance, so that a sample exactly on the edge of the window is inside
-    reach = window / 4 * (1 + 1e-9)
+    reach = window / 4 * (1 + ROUNDING)
     first = np.searchsorted(x, grid - reach, "left")
     last = np.searchsorted(x, grid + reach, "right")
     known = last > first
@@ -60,7 +61,7 @@ def rate(time: Array, values: Array, window: float, order: int) -> Array:
     Raises DataError if a window holds fewer than `order + 1` different stamps.
     """
     # tolerance, so that a stamp exactly on the edge of the window is inside
-    slack = 1e-9 * window + 4 * np.finfo(float).eps * float(np.abs(time).max())
+    slack = ROUNDING * window + 4 * np.finfo(float).eps * float(np.abs(time).max())
     begin = np.clip(time - window / 2, time[0], max(time[0], time[-1] - window))
     start = np.searchsorted(time, begin - slack, side="left")
     stop = np.searchsorted(time, begin + window + slack, side="right")

@@ -106,7 +106,7 @@ def find_gaps(time: Array, longer_than: float) -> Gaps:
     after = steps_where(time, lambda steps: steps > limit)
     lengths = time[after + 1] - time[after]
     usual = typical_step(time)
-    missing = int(np.round(lengths / usual - 1).clip(0).sum()) if usual > 0 else 0
+    missing = int(np.round(lengths / usual - 1).clip(0).sum())
     return Gaps(after, lengths, missing)
 
 
@@ -218,7 +218,7 @@ def align(stamps: Array, time: Array, values: Array, max_gap: float | None) -> A
     too_far = (
         np.zeros(len(stamps), dtype=np.bool_)
         if max_gap is None
-        else time[after] - time[before] > max_gap * (1 + 1e-9)
+        else time[after] - time[before] > max_gap * (1 + ROUNDING)
     )
     aligned[outside | too_far] = np.nan
     return aligned

@@ -183,18 +183,18 @@ def correlation_by_lag(u: Array, v: Array) -> tuple[Array, Array, Array]:
     sums = partial(correlate, method="fft")
     ones_u, ones_v = np.ones(n), np.ones(m)
     count = np.rint(sums(ones_u, ones_v))
-    at_least_one = np.maximum(count, 1.0)
     u_sum, v_sum = sums(u, ones_v), sums(ones_u, v)
     u_squares, v_squares = sums(u * u, ones_v), sums(ones_u, v * v)
-    covariance = sums(u, v) - u_sum * v_sum / at_least_one
-    spread = (u_squares - u_sum**2 / at_least_one) * (v_squares - v_sum**2 / at_least_one)
+    covariance = sums(u, v) - u_sum * v_sum / count
+    spread = (u_squares - u_sum**2 / count) * (v_squares - v_sum**2 / count)
     speaks = (u_squares >= LEAST_EVENTS * np.sum(u * u)) & (
         v_squares >= LEAST_EVENTS * np.sum(v * v)
     )
     speaks &= (count >= LEAST_OVERLAP * min(n, m)) & (
         spread > 1e-18 * np.sum(u * u) * np.sum(v * v)
     )
-    r = np.where(speaks, covariance / np.sqrt(np.where(speaks, spread, 1.0)), 0.0)
+    r = np.zeros(len(count))
+    r[speaks] = covariance[speaks] / np.sqrt(spread[speaks])
     return r.clip(-1.0, 1.0), np.arange(-(m - 1.0), n), count
 
 
@@ -206,7 +206,7 @@ def _vertex(size: Array, top: int) -> float:
         return 0.0
     left, middle, right = (float(value) for value in size[top - 1 : top + 2])
     bend = left - 2 * middle + right
-    return 0.0 if bend >= 0 else min(max(0.5 * (left - right) / bend, -0.5), 0.5)
+    return 0.0 if bend >= 0 else 0.5 * (left - right) / bend
 
 
 def _half_width(u: Array, v: Array, lag: int) -> float:
@@ -233,7 +233,7 @@ def _half_width(u: Array, v: Array, lag: int) -> float:
     steepness = float(np.diff(first) @ np.diff(second))
     if steepness <= 0:
         return math.inf
-    size = next_fast_len(2 * n, real=True)  # zeros are added, so that the sums are not circular
+    size = next_fast_len(2 * n)  # zeros are added, so that the sums are not circular
     slope, rest = rfft(np.gradient(first + second) / 2, size), rfft(first - second, size)
     products = np.abs(slope * rest) ** 2
     total = float(np.sum(products))

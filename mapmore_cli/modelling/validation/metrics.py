@@ -29,7 +29,7 @@ from mapmore_cli.domain.scores import Score
 from mapmore_cli.modelling.signals.rates import FALL, RISE
 
 NORMALISERS: Mapping[str, tuple[str, Callable[[float, float], float]]] = {
-    "max": ("max|{}| over {}", lambda low, high: max(abs(low), abs(high))),
+    "max": ("max|{}| over {}", lambda low, high: max(-low, high)),
     "range": ("range of {} over {}", lambda low, high: high - low),
 }
 """Normalisers by the names that specs use: `max |y|` (M2 eq 13), and `max y - min y` for quantities
@@ -253,6 +253,6 @@ def row_of_samples(parts: Sequence[ScoredSamples], scale: Normaliser, free: int)
     if sum(part.curve.size for part in parts) > HELD:
         return Compared(blocks, scale, free)
     held = [*blocks()]
-    if len(held) > 1:
+    if held:
         held = [SampleBlock(*map(np.concatenate, zip(*held, strict=True)))]
     return Compared(lambda: held, scale, free)

@@ -88,8 +88,9 @@ def offsets_of(left_out: LeftOut) -> Offsets | None:
     between_curves, repeats = (left_out.apart**2, float(np.sum(n - 1))) if known else (0.0, 0.0)
     noise = max(left_out.residual**2 - between_curves * float(np.mean(1 - 1 / n)), 0.0)
     smooth = min(max(left_out.smooth**2 - between_curves * float(np.mean(1 - 1 / n)), 0.0), noise)
-    missed, share, others = 0.0, 1.0, 0.0
-    if left_out.kind == "levels" and count > 2:
+    inner = count - 2  # levels that can be left out
+    missed = share = others = 0.0
+    if left_out.kind == "levels" and inner > 0:
         missed = float(np.mean(left_out.offset**2 + left_out.scatter**2))
         width = np.diff(left_out.places)
         t = width[:-1] / (width[:-1] + width[1:])
@@ -97,8 +98,8 @@ def offsets_of(left_out: LeftOut) -> Offsets | None:
         others = NEIGHBOURS * (count - 1)
     if repeats >= max(others, LEAST_FREEDOM):
         explained = noise + between_curves * share
-        return Offsets(noise, smooth, between_curves, repeats, True, count - 2, missed, explained)
+        return Offsets(noise, smooth, between_curves, repeats, True, inner, missed, explained)
     if others < LEAST_FREEDOM:
         return None
     square = max(missed - noise, 0.0) / share
-    return Offsets(noise, smooth, square, others, False, count - 2, missed, noise)
+    return Offsets(noise, smooth, square, others, False, inner, missed, noise)

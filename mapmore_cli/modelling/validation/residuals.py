@@ -17,7 +17,6 @@ from mapmore_cli.domain.arrays import (
     BoolArray,
     IntArray,
     by_blocks,
-    extremes,
     in_blocks,
     picked,
     row_by_row,
@@ -72,7 +71,7 @@ def residual_tests(
     tests = [autocorrelation(residuals)]
     for name, parts in columns.items():
         _, low, high = _finite(parts)
-        varies = high - low > 1e-9 * max(abs(low), abs(high))
+        varies = high - low > 1e-9 * abs(high)
         if sum(map(len, parts)) < sum(map(len, residuals)) or not varies:
             continue  # no test for an input that was not measured at all samples
         tests.append(
@@ -277,7 +276,8 @@ def _bare(model: Model, curves: Sequence[Curve], predictions: Sequence[Array]) -
         return
     says = partial(formula.predict, body.backbone.parameters)
     alone = [row_by_row(says, curve.columns) for curve in curves]
-    near = SAME * max((max(map(abs, extremes(x))) for x in alone if len(x)), default=0.0)
+    _, low, high = _finite(alone)
+    near = SAME * max(-low, high)
     if all(
         np.allclose(ours, its, rtol=SAME, atol=near, equal_nan=True)
         for pair in zip(predictions, alone, strict=True)

@@ -21,6 +21,19 @@ def test_a_start_without_a_value_has_no_end_and_a_step_to_such_a_place_is_not_ta
     assert end.x == pytest.approx([1e-6], rel=1e-4)
 
 
+def test_a_coordinate_has_a_sign_that_its_intervals_allow():
+    for intervals, allowed in (
+        (((0.0, 5.0),), (False, True)),
+        (((-5.0, 0.0),), (True, False)),
+        (((-5.0, -1.0), (1.0, 5.0)), (True, True)),
+        (((0.1, 0.5),), (False, True)),
+        (((-0.5, -0.1),), (True, False)),
+    ):
+        free = (Nonlinear("b", per=None, intervals=intervals),)
+        problem = LeastSquares(parse("b*x"), (), free, {}, {"x": np.ones(3)}, np.ones(3))
+        assert tuple(problem.allows(np.array([c])) for c in (-2.0, 2.0)) == allowed
+
+
 @pytest.mark.parametrize("unit", [1.0, 1e-200, 1e160])
 def test_errors_of_parameters_are_those_of_the_inverse(unit):
     rng = np.random.default_rng(0)
@@ -76,6 +89,7 @@ def test_slack_and_largest_forces_are_quantiles():
     assert family._slack_and_largest(y) == pytest.approx((20.0, 975.0))
     assert family._slack_and_largest(y - 40) == pytest.approx((-20.0, 975.0))
     assert family._slack_and_largest(y + 100) == pytest.approx((0.0, 1095.0))
+    assert family._slack_and_largest(y - 300) == pytest.approx((0.0, 695.0))
 
 
 def test_one_parameter_of_shares_keeps_all_samples():

@@ -153,3 +153,6 @@ def test_every_formula_is_on_the_page_and_in_the_reference():
         assert f"`{name}`" in page
         assert f"### {name}\n" in text
         assert f"- The source of the formula is {get(name).reference}.\n" in text
+        inputs = ", ".join(get(name).inputs)
+        said = f"The inputs of the formula are: {inputs}." if inputs else "has no inputs."
+        assert said in text.partition(f"### {name}\n")[2].partition("\n### ")[0]

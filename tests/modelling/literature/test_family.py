@@ -8,7 +8,7 @@ import pytest
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.expressions import evaluate
-from mapmore_cli.modelling.literature import family
+from mapmore_cli.modelling.literature import family, own
 from mapmore_cli.modelling.literature.own import FamilySettings, definition, formula_of
 
 LENGTHS = (0.1, 0.2, 0.3)
@@ -55,11 +55,12 @@ def test_a_length_never_measured_is_predicted():
     assert "2 specimens" in fit.notes[0]
 
 
-def test_millimetres_make_the_same_family():
-    one, other = fitted(), fitted(metres=1e-3)
+@pytest.mark.parametrize("metres", [1e-3, 10.0])
+def test_another_unit_makes_the_same_family(metres):
+    one, other = fitted(), fitted(metres=metres)
     columns, _ = measured(LENGTHS)
     expected = literature.of(one).predict(one.parameters, columns)
-    columns["length"] = 1000 * columns["length"]
+    columns["length"] = columns["length"] / metres
     assert literature.of(other).predict(other.parameters, columns) == pytest.approx(
         expected, abs=1e-6
     )
@@ -91,31 +92,33 @@ def test_samples_of_one_strain_count_as_one_of_five_per_cent():
     strain = np.repeat([0.0, 0.082, 0.086, 0.2], [3, 1, 5, 2])  # 41 and 43 hundredths
     columns = {"pressure": np.linspace(300, 600, 11), "strain": strain}
     y = force(columns["pressure"], strain, 0.2, scale=1.2, stretch=1.1) + 9 * (strain == 0.086)
-    own = family.adapted(fit, columns, y, 0.2)
+    made = family.adapted(fit, columns, y, 0.2)
     n = np.repeat([3, 1, 5, 2], [3, 1, 5, 2])
 
     def missed(q):
         scales = dict(zip(("q_force", "q_strain"), q, strict=True))
-        said = literature.of(own).predict({**own.parameters, **scales}, columns)
+        said = literature.of(made).predict({**made.parameters, **scales}, columns)
         return np.append((said - y) / (0.05 * np.abs(y).max()) / np.sqrt(n), (q - 1) / 0.15)
 
-    best = np.array([own.parameters["q_force"], own.parameters["q_strain"]])
+    best = np.array([made.parameters["q_force"], made.parameters["q_strain"]])
     steps = 1e-5 * np.eye(2)
     slopes = np.transpose([(missed(best + step) - missed(best - step)) / 2e-5 for step in steps])
     assert slopes.T @ missed(best) == pytest.approx([0, 0], abs=1e-3)
     errors = np.sqrt(np.diag(np.linalg.inv(slopes.T @ slopes)))
-    assert [own.errors["q_force"], own.errors["q_strain"]] == pytest.approx(errors, rel=1e-4)
+    assert [made.errors["q_force"], made.errors["q_strain"]] == pytest.approx(errors, rel=1e-4)
     assert best == pytest.approx([1.2, 1.1], abs=0.1)
 
 
 def test_without_points_a_specimen_is_the_family_at_its_length():
     fit = fitted()
     columns, _ = measured((0.2,))
-    own = family.adapted(fit, {}, np.empty(0), 0.2)
-    assert set(literature.of(own).inputs) == {"pressure", "strain"}
+    made = family.adapted(fit, {}, np.empty(0), 0.2)
+    assert set(literature.of(made).inputs) == {"pressure", "strain"}
     expected = literature.of(fit).predict(fit.parameters, columns)
-    assert literature.of(own).predict(own.parameters, columns) == pytest.approx(expected, rel=1e-9)
-    assert own.errors["q_force"] == 0.15
+    assert literature.of(made).predict(made.parameters, columns) == pytest.approx(
+        expected, rel=1e-9
+    )
+    assert made.errors["q_force"] == 0.15
 
 
 @pytest.mark.parametrize(
@@ -125,6 +128,7 @@ def test_without_points_a_specimen_is_the_family_at_its_length():
         '{"family": {}}',
         '{"family": {"of": "exp(9)", "scale": "power", "metres": 1}}',
         '{"family": {"of": "x", "scale": "power", "metres": -1}}',
+        '{"family": {"of": "x", "scale": "power", "metres": 0}}',
         '{"family": {"of": "x", "scale": "cubic", "metres": 1}}',
         '{"family": [',
     ],
@@ -137,15 +141,23 @@ def test_what_defines_no_family(text):
 def test_the_text_of_a_definition_does_not_hang_on_the_order_of_its_keys():
     bounds, units = {"b": (1.0, 2.0), "a": None}, {"b": "m", "a": "N"}
     turned = [dict(reversed(one.items())) for one in (bounds, units)]
-    own = definition("own", "here", "a*exp(b*x)", bounds, units)
-    assert own == definition("own", "here", "a*exp(b*x)", *turned)
+    plain = definition("own", "here", "a*exp(b*x)", bounds, units)
+    assert plain == definition("own", "here", "a*exp(b*x)", *turned)
     wide = definition("own", "here", "f*p + e*q + d*r + c*s + b*t", dict.fromkeys("tpsqr"), {})
     assert (formula_of(wide).parameters, formula_of(wide).inputs) == (
         tuple("pqrst"),
         tuple("bcdef"),
     )
-    for text in (own, FamilySettings(of="length").definition(1.0)):
+    for text in (plain, FamilySettings(of="length").definition(1.0)):
         assert text == json.dumps(json.loads(text), sort_keys=True)
+
+
+def test_a_definition_has_a_largest_length(monkeypatch):
+    text = definition("of some length", "here", "a*x", {"a": None}, {})
+    monkeypatch.setattr(own, "LONGEST", len(text))
+    assert formula_of(text).parameters == ("a",)
+    with pytest.raises(ValueError, match=f"has {len(text) + 1} characters"):
+        formula_of(text + " ")
 
 
 @pytest.mark.parametrize(
@@ -162,8 +174,8 @@ def test_the_text_of_a_definition_does_not_hang_on_the_order_of_its_keys():
 def test_bounds_of_a_formula_of_a_spec_are_searched_in_parts_of_one_sign(bounds, parts):
     """Values below a ten-thousandth of the larger bound are left out."""
     text = definition("own", "here", "a*exp(b*x)", {"a": None, "b": bounds}, {"a": "N"})
-    own = formula_of(text)
-    (parameter,) = own.nonlinear
+    made = formula_of(text)
+    (parameter,) = made.nonlinear
     assert [*parameter.intervals] == [pytest.approx(part) for part in parts]
-    assert (own.inputs, own.parameters, own.linear) == (("x",), ("a", "b"), ("a",))
-    assert (own.units, own.definition) == ({"a": "N"}, text)
+    assert (made.inputs, made.parameters, made.linear) == (("x",), ("a", "b"), ("a",))
+    assert (made.units, made.definition) == ({"a": "N"}, text)

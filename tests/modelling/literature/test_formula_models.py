@@ -9,7 +9,7 @@ from literature_cases import PLANTED, WRIST, wrist_force
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.recording import CurveRange, Quantity
-from mapmore_cli.modelling import kinds
+from mapmore_cli.modelling import kinds, literature
 from mapmore_cli.modelling.expressions import evaluate, parse
 from mapmore_cli.modelling.literature.model import (
     backbone_values,
@@ -44,6 +44,10 @@ def test_a_formula_predicts_where_its_inputs_are_known_and_has_the_ranges_of_its
     found = kinds.predict(model, COLUMNS)
     np.testing.assert_allclose(found[known], wrist_force(rows))
     assert np.isnan(found).tolist() == [False, False, True, False]
+    loss = fit_of("sarosi_hysteresis_loss", WRIST)
+    quantities = {name: Quantity(name, "1") for name in literature.of(loss).inputs}
+    made = formula_model("loss", QUANTITIES["force"], loss, None, (), quantities)
+    assert made.input_names == ("load", "pressure", "strain", "strain_rate")
     assert [one.level for one in model.body.ranges] == [1.0, 7.0]
     assert [set(one.limits) for one in model.body.ranges] == [{"pressure", "strain"}] * 2
     at = {"pressure": np.array([4.0, 4.0]), "strain": np.array([0.079, 0.081])}

@@ -11,8 +11,9 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import evaluate, to_text
-from mapmore_cli.modelling.literature import get
+from mapmore_cli.modelling.literature import Formula, get
 from mapmore_cli.modelling.literature.formulas.sarosi_hysteresis_loss import ForceCurve, zeta
 
 LOSS, PRINTED = get("sarosi_hysteresis_loss"), get("sarosi_hysteresis_loss_printed")
@@ -78,13 +79,49 @@ def test_a_fit_adds_the_squares_of_both_branches():
         (200.0, -30.0, 0.0, None),  # it has a zero before it turns
         (-10.0, 50.0, 0.0, 1.0),
         (-10.0, -99.0, 0.1, 0.1),  # it does not pull at the start
+        (4000.0, -100.0, 0.0, 0.0),  # it is zero at the start and rises
     ],
 )
 def test_a_stroke_ends_at_the_first_zero_or_where_the_force_is_least(B, C, start, end):
     """Of the force `100 exp(-30 x) + B x + C`."""
     curve = ForceCurve(np.array([100.0]), np.array([B]), np.array([C]), -30.0)
-    zero = end or brentq(lambda x: 100 * np.exp(-30 * x) + B * x + C, 0, np.log(15) / 30)
-    assert curve.end_of_stroke(start) == pytest.approx([zero])
+    if end is None:
+        end = brentq(lambda x: 100 * np.exp(-30 * x) + B * x + C, 0, np.log(15) / 30)
+    assert curve.end_of_stroke(start) == pytest.approx([end])
+
+
+def test_a_straight_line_that_pulls_everywhere_has_the_longest_stroke():
+    line = ForceCurve(np.array([100.0]), np.array([10.0]), np.array([50.0]), 0.0)
+    assert line.end_of_stroke(0.0) == pytest.approx([1.0])
+    rising = ForceCurve(np.array([100.0]), np.zeros(1), np.array([-100.0]), 30.0)
+    assert rising.end_of_stroke(0.0).tolist() == [0]  # it does not pull at the start
+
+
+def test_without_an_upper_force_zeta_is_one():
+    nothing = {f"au{i}": 0.0 for i in range(1, 7)}
+    known = PLANTED | nothing | {f"al{i}": 5.0 * (i == 6) for i in range(1, 7)}
+    assert zeta(known, np.array([100.0])).tolist() == [1.0]
+
+
+def test_equal_branches_lose_no_energy_and_are_not_limited():
+    columns = cycles()
+    columns["hysteresis"] = np.zeros(180)
+    fit = LOSS.fit_cycles(columns, LENGTH)
+    assert zeta(fit.parameters, np.array([80.0, 350.0])).tolist() == [0.0, 0.0]
+    assert noted_pressures(fit.notes, "zeta is limited to")[1] < 80  # of the slack muscle alone
+
+
+@pytest.mark.parametrize("upper", [True, False])
+@pytest.mark.parametrize("status", ["at_bound", "rank_deficient"])
+def test_a_fit_of_both_branches_has_the_worse_status(monkeypatch, status, upper):
+    def fit(self, columns, _force):
+        worse = (self.parameters == tuple(f"au{i}" for i in range(1, 7))) == upper
+        numbers = {name: PLANTED[name] for name in self.parameters}
+        state = status if worse else "converged"
+        return FormulaFit(self.name, numbers, numbers, state, "-", 6, 1.0, 0.0, 180)
+
+    monkeypatch.setattr(Formula, "fit", fit)
+    assert LOSS.fit_cycles(cycles(), LENGTH).status == status
 
 
 def test_the_damping_force_is_that_of_m2():
@@ -185,4 +222,5 @@ def test_one_pressure_does_not_pass_for_a_good_fit():
         "upper curve",
         "lower curve",
     }
+    assert sum("the solution of least norm was taken" in note for note in fit.notes) == 2
     assert np.isfinite(LOSS.predict(fit.parameters, motion(5))).all()

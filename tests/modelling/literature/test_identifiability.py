@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from global_fits import least_rmse
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.stats import t as student
 
@@ -74,6 +74,7 @@ def test_the_exponent_has_the_sign_that_every_author_prints(method):
 
 @settings(max_examples=15)
 @given(st.floats(1e-10, 3e-3), st.integers(0, 100))
+@example(1e-10, 20)  # the scatter raises the rank to 20
 def test_scatter_of_held_pressures_hides_no_deficiency(scatter, seed):
     """`polynomial_5` has rank 18 with four pressures, however these scatter, and a note says so;
     the fit is plain least squares on the measured ones, on which it is scored.
@@ -100,6 +101,12 @@ def test_a_level_is_the_middle_of_at_least_five_values_within_a_tenth_of_the_gap
     column = np.concatenate([np.linspace(0, width, 5), 10 + np.linspace(0, width, count)])
     expected = column if levels is None else np.repeat(levels, 5)
     np.testing.assert_allclose(nominal(column), expected, atol=1e-12)
+
+
+def test_of_levels_within_levels_the_finest_count():
+    scatter = np.linspace(-0.01, 0.01, 5)
+    column = np.concatenate([level + scatter for level in (0.0, 1.0, 100.0, 101.0)])
+    np.testing.assert_allclose(nominal(column), np.repeat([0.0, 1.0, 100.0, 101.0], 5), atol=1e-12)
 
 
 def test_swept_quantities_have_no_levels():

@@ -58,6 +58,8 @@ def test_a_coordinate_touches_within_a_millionth_of_its_range():
     near = np.array([-2 + 0.9e-5, 3 - 0.9e-6, 5 + 0.9e-6, 10 - 0.9e-5])
     moved, touched = onto_bounds(near, (lower, upper))
     assert (moved.tolist(), touched) == ([-2, 3, 5, 10], [0, 1, 2, 3])
+    exactly = onto_bounds(np.array([1e-6, -1e-6]), (np.array([0.0, -1]), np.array([1.0, 0])))
+    assert exactly[0].tolist() == [0, 0]
     far = np.array([-2 + 1.1e-5, 3 - 1.1e-6, 5 + 1.1e-6, 10 - 1.1e-5])
     moved, touched = onto_bounds(far, (lower, upper))
     assert (moved.tolist(), touched) == (far.tolist(), [])
@@ -66,8 +68,15 @@ def test_a_coordinate_touches_within_a_millionth_of_its_range():
 def test_ends_agree_within_a_millionth():
     ends = [end(2.0), end(2 + 1.9e-6), end(2 + 2.1e-6), end(3.0)]
     assert agreement(ends, ends[0], 5) == "2 of 5 starts found the same sum of squares"
-    zeros = [end(0.0), end(0.9e-20), end(1.1e-20)]
+    zeros = [end(0.0), end(1e-20), end(1.1e-20)]
     assert agreement(zeros, zeros[0], 3).startswith("2 of 3")
+
+
+def test_a_simplex_leaves_a_regressor_that_is_zero_alone():
+    gradient = {"a": parse("x"), "b": parse("1")}
+    columns, y = {"x": np.zeros(5)}, np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+    found = simplex(LeastSquares(parse("a*x + b"), ("a", "b"), (), gradient, columns, y))
+    assert found.beta[1] == pytest.approx(3.0, abs=1e-3)
 
 
 def test_rivals_are_other_minima_up_to_five_quarters():

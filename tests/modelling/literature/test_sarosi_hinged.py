@@ -2,12 +2,15 @@
 one, what it says of itself.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from literature_cases import sarosi, slack_muscle, wrist_points
 
+from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.modelling.expressions import evaluate, to_text
-from mapmore_cli.modelling.literature import get, hinge
+from mapmore_cli.modelling.literature import Formula, get, hinge
 
 HINGED, PLAIN = get("sarosi_hinged"), get("sarosi")
 FOUR = np.array([0.0, 0.04, 0.08, 0.12])
@@ -93,6 +96,69 @@ def test_sums_of_squares_and_errors_of_a_hinge_are_with_the_priors():
     assert [*fit.errors.values()] == pytest.approx(expected.tolist(), rel=1e-3)
 
 
+def test_a_known_curvature_is_the_only_start(monkeypatch):
+    seen = []
+
+    def searched(system, starts, *more, **options):
+        seen.append([start[hinge.A3] for start in starts])
+        return descend(system, starts, *more, **options)
+
+    descend = hinge.descend
+    monkeypatch.setattr(hinge, "descend", searched)
+    columns, y = slack_muscle(0, FOUR)
+    fit = hinge.fit_hinge(columns, y)
+    again = hinge.fit_hinge(columns, y, fit.parameters["a3"])
+    assert seen[0] == [-8.0, -4.0, -2.0, -0.7, 1.5]
+    assert seen[-1] == [pytest.approx(fit.parameters["a3"] * 0.12)]
+    assert again.sse == pytest.approx(fit.sse, rel=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1.0, 0.0])
+@pytest.mark.parametrize(
+    ("hinged_off", "plain_off", "plain_status", "near"),
+    [
+        (0.02, 0.01, "converged", None),
+        (0.0, 0.05, "converged", 0.3),
+        (0.01, 0.01, "converged", 1.0),
+        (0.01, 0.0, "at_bound", 0.3),
+    ],
+)
+def test_parts_are_blended_by_their_squared_errors(
+    monkeypatch, hinged_off, plain_off, plain_status, near, unit
+):
+    """Of a target that is one everywhere, or zero; each part is off by a constant. The errors
+    are fractions of the largest target, or of one.
+    """
+    columns, y = {"pressure": np.ones(20), "strain": np.zeros(20)}, np.full(20, unit)
+    given = None if near is None else {"share": near, "a3": -7.0}
+
+    def part(names, rank, status, **numbers):
+        numbers = dict.fromkeys(names, 0.0) | numbers
+        return FormulaFit("part", numbers, numbers, status, "-", rank, 1.0, 0.0, 20, ("note",))
+
+    def fit_hinge(*asked):
+        assert asked[2] == (None if near is None else -7.0)
+        constant = {"a6": unit + hinged_off, "b0": unit + hinged_off, "w": 1e-300}
+        return part(hinge.NAMES, 10, "stopped_by_limit", **constant)
+
+    def fit(self, _columns, _y, _method):
+        assert self.near == (given if near == 0.3 else None)
+        return part(self.parameters, 6, plain_status, s6=unit + plain_off)
+
+    monkeypatch.setattr(hinge, "fit_hinge", fit_hinge)
+    monkeypatch.setattr(Formula, "fit", fit)
+    found = replace(HINGED, near=given).fit(columns, y)
+    ratio = (hinged_off**2 + 1e-4) / (plain_off**2 + 1e-4)
+    alone = plain_status != "converged"
+    share = 1.0 if alone else 1 / (1 + ratio**2)
+    assert found.parameters["share"] == pytest.approx(share, rel=1e-6)
+    assert found.parameters["s6"] == (0.0 if alone else unit + plain_off)
+    assert found.rank == 10 + (0 if alone else 6 + 1)
+    assert found.status == ("stopped_by_limit" if ratio < 1 or alone else "converged")
+    assert np.isnan(found.errors["s6"]) == alone
+    assert any("hinged alone" in note for note in found.notes) == alone
+
+
 def test_a_plain_fit_that_ran_away_has_no_share():
     """Three levels do not show its curvature: past them exp(+-400 strain) would swamp the blend,
     whatever the share.
@@ -161,3 +227,4 @@ def test_a_foot_that_does_not_rise_is_at_its_bound_by_name():
     assert fit.status == "at_bound"
     assert fit.parameters["b1"] == 0.0
     assert "b1 ends at its bound" in fit.notes
+    assert not any("do not determine" in note for note in fit.notes)

@@ -20,9 +20,11 @@ from mapmore_cli.modelling.equations import summed
 from mapmore_cli.modelling.expressions import evaluate, families
 from mapmore_cli.modelling.expressions.families import lags, operated
 from mapmore_cli.modelling.expressions.operators.play import play
+from mapmore_cli.modelling.memory import fitting, selectors, training
 from mapmore_cli.modelling.memory.fitting import fit_outputs, fit_with_memory
 from mapmore_cli.modelling.memory.free_run import Along
 from mapmore_cli.modelling.memory.model import memory_model, outliers_fed_back
+from mapmore_cli.modelling.memory.refinement import refine
 from mapmore_cli.modelling.memory.training import TrainingData
 
 NARX = texts(lags(["y", "x"], [1, 2]), 2)
@@ -169,6 +171,43 @@ def test_the_ridge_may_be_left_to_the_data():
     assert weak.ridge < strong.ridge
 
 
+@pytest.mark.parametrize(("n", "sizes"), [(21, [5, 5, 5, 6]), (3, [1, 1, 1])])
+def test_the_ridge_is_chosen_with_four_blocks_of_samples_if_there_are_as_many(
+    n, sizes, monkeypatch
+):
+    seen = []
+
+    def choose(_total, folds, *_):
+        seen.extend(fold.samples for fold in folds)
+        return 0.1
+
+    monkeypatch.setattr(selectors, "choose_ridge", choose)
+    x = wandering(n)
+    TrainingData([record(x=x, y=3 * x)], recipe_of("y", ("x",), max_terms=1, ridge="auto"))
+    assert seen == sizes
+
+
+def test_starting_values_are_compared_on_the_first_training_samples(monkeypatch):
+    """And the last search begins at those with the smallest error."""
+    seen, starts, errors = [], [], iter((3.0, 1.0, 2.0))
+
+    def refined(problem, start):
+        seen.append(sum(int(rows.sum()) for rows in problem.counted))
+        starts.append(start[-1])
+        found = refine(problem, start)
+        error = next(errors, found.error)
+        return found._replace(error=error, vector=np.append(found.vector[:-1], -error))
+
+    monkeypatch.setattr(fitting, "refine", refined)
+    monkeypatch.setattr(fitting, "SHORT", 60)
+    inputs = [wandering(50, seed) for seed in range(2)]
+    records = [record(np.arange(50) >= 10, x=x, y=slow(x, 0.1, STEP)) for x in inputs]
+    fit = fit_with_memory(records, recipe_of("y", ("slow(x)",), max_terms=1))
+    assert seen == [60, 60, 60, 80]  # three sets of starting values, then all samples
+    assert starts[-1] == -1.0
+    assert len(fit.identified.numbers) == 1
+
+
 @pytest.mark.parametrize("recipe", [LAGGED, replace(LAGGED, ridge=1e-4)])
 def test_a_dictionary_beyond_memory_is_built_block_by_block(recipe, monkeypatch):
     records = narx_records(noise=0.01, n=5000)
@@ -186,6 +225,7 @@ def test_a_dictionary_beyond_memory_is_built_block_by_block(recipe, monkeypatch)
     ("samples", "recipe", "told"),
     [
         (5, LAGGED, r"3 training sample\(s\) have enough samples .* too few for 4 term"),
+        (6, LAGGED, r"4 training sample\(s\) have enough samples .* too few for 4 term"),
         (2, LAGGED, "no training sample has as many samples before it"),
         (100, replace(OPERATED, target="still"), "no candidate term explains any part"),
         (100, replace(LAGGED, target="z"), "no column `z`"),
@@ -229,6 +269,24 @@ def test_errors_of_a_regularised_fit_are_those_of_its_normal_equations():
     spread = np.linalg.solve(normal, centred.T)
     errors = np.sqrt(np.diag(spread @ spread.T) * (left @ left) / (60 - 2))
     assert fit.model.theta_error[order] == pytest.approx(errors, rel=1e-9)
+
+
+def test_open_parameters_are_variables_of_a_problem_that_searches_them():
+    x = wandering(50)
+    data = TrainingData([record(x=x, y=x)], recipe_of("y", ("slow(x)", "x"), max_terms=1), (0.1,))
+    chosen = np.array([0, 1])
+    assert data.problem(chosen).between.shape == (2, 3)  # two coefficients and the constant
+    assert data.problem(chosen, search=True).between.shape == (2, 4)
+
+
+@pytest.mark.parametrize("beyond", [False, True])
+def test_errors_of_more_values_than_a_limit_assume_independent_samples(beyond, monkeypatch):
+    x = wandering(60)
+    monkeypatch.setattr(training, "MOST", 60 - beyond)
+    data = TrainingData(
+        [record(x=x, y=x + 0.1 * wandering(60, 1))], recipe_of("y", ("x",), max_terms=1)
+    )
+    assert np.isnan(data.fit(data.selector.best()).selection.worth) == beyond
 
 
 def test_a_free_run_ends_with_the_last_sample_that_counts():

@@ -97,6 +97,13 @@ def test_any_model_runs_as_written(terms, seed, scaled, margin):
     assert end == 40 or not abs(expected[end]) < 1e11
 
 
+def test_a_past_output_that_never_changed_in_training_has_no_influence():
+    states = state_set("x", "y[k-1]", low=[0, 0.5], high=[1, 0.5])
+    x = np.random.default_rng(0).uniform(0, 1, 9)
+    run = Along(memory_model(["y[k-1]", "x"], [3.0, 2.0], states))({"x": x, "y": np.ones(9)})
+    np.testing.assert_allclose(run.values[1:], 2 * x[1:])
+
+
 @pytest.mark.parametrize("term", ["y[k-1]^20", "exp(y[k-1])", "log(-y[k-1])", "1/(y[k-1] - 1)"])
 def test_overflow_and_undefined_values_are_divergence_without_a_warning(term):
     model = memory_model([term], [10.0], state_set("y[k-1]"), limits=(0.0, 1e307))
@@ -124,6 +131,7 @@ def test_every_piece_diverges_by_itself():
         ([0, 2, 4], [0, 1, 2], 1),
         ([0, 3, 6, 7, 8], [0, 2, 4, 5, 6], None),  # a row is missing between samples
         ([0, 1.0009, 2.0018], [0, 1, 2], None),
+        ([0, 1.001, 2.002], [0, 1, 2], None),
     ],
 )
 def test_a_record_of_longer_steps_is_refused_where_most_are(time, rows, sample):

@@ -7,6 +7,7 @@ import pytest
 from memory_samples import STEP, memory_model, narx_truth, state_set
 from surfaces import curves
 
+from mapmore_cli.domain.models import Memory, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity
 from mapmore_cli.modelling.kinds import (
     fed_back,
@@ -17,6 +18,7 @@ from mapmore_cli.modelling.kinds import (
 )
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.memory.free_run import Along
+from mapmore_cli.modelling.memory.model import MemoryVerbs
 from mapmore_cli.modelling.memory.model import memory_model as model_of
 
 NAMES = "x", "y", "z", "pressure", "strain", "force"
@@ -88,6 +90,11 @@ def test_a_recording_may_come_in_blocks(cuts, ahead):
     model = memory_model(STATES, [0.5, 0.3, 0.2, 0.1, 0.4], states, constant=0.1)
     columns = {"time": time + np.where(np.arange(100) < 50, 0, 1.0), "x": x, "y": narx_truth(x)}
     whole = Along(model, ahead)(columns).values
+    verbs = MemoryVerbs()
+    own = Model("m", QUANTITIES["y"], (QUANTITIES["x"],), Memory(model, ()))
+    asked = {"ahead": True} if ahead else {}  # a free run is the default
+    np.testing.assert_array_equal(verbs.running(own, **asked)(columns).values, whole)
+    np.testing.assert_array_equal(verbs.simulate(own, columns, **asked).values, whole)
     assert np.flatnonzero(np.isnan(whole)).tolist() == [0, 50]
     next_rows = Along(model, ahead)
     blocks = [

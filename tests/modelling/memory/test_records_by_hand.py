@@ -52,6 +52,12 @@ def test_a_step_that_is_too_short_is_an_error_at_its_sample(short):
     assert caught.value.sample == 13
     far = np.array([0.0, 2.0**52, 2.0**52 + 1, 2.0**52 + 2])
     assert uninterrupted(far, 1.4) == [slice(0, 1), slice(1, 4)]
+    assert uninterrupted(far[[1, 1, 2]], 1.4) == [slice(0, 3)]  # a step shorter than the rounding
+    for sign in (-1, 1):  # a step is even up to the tolerance of a thousandth and of rounding
+        last = 1.0
+        for _ in range(9):
+            last = 1.0 + sign * (1e-3 + 4 * np.finfo(float).eps * last)
+        assert uninterrupted(np.array([0.0, last]), 1.0) == [slice(0, 2)]
     late = 1.7e9 + 0.01 * np.arange(100)  # stamps that a day of the year 2023 leaves 2e-7 s of
     assert uninterrupted(late, 0.01) == [slice(0, 100)]
     assert uninterrupted(np.empty(0), 0.01) == [slice(0, 0)]

@@ -16,6 +16,7 @@ from mapmore_cli.modelling.memory.refinement import (
     THOROUGH,
     FreeRunProblem,
     Point,
+    free_run_errors,
     minimise,
     refine,
 )
@@ -25,30 +26,31 @@ class Line(FreeRunProblem):
     """`y = a x + c` on four samples; a run over more than `bearable` samples diverges."""
 
     X, Y = np.array([0.0, 1.0, 2.0, 4.0]), np.array([1.0, 3.0, 5.0, 9.0])
+    PHI = np.column_stack([X, np.ones(4)])
     bearable, asked = np.inf, []
 
     def at(self, vector, horizon=None):
         self.asked.append(horizon)
         vector = np.clip(vector, *self.between)
-        if (horizon or len(self.counted[0])) > self.bearable:
+        if (horizon or max(map(len, self.counted))) > self.bearable:
             return Point(vector)
         theta, constant, _ = self.split(vector)
-        left = self.Y - theta[0] * self.X - constant
+        left = (self.Y - theta[0] * self.X - constant)[: len(self.counted[0])]
         return Point(vector, float(left @ left + self.ridge @ theta**2), (), left)
 
     def slopes(self, _point, _horizon=None):
-        return np.column_stack([self.X, np.ones(4)])
+        return self.PHI[: len(self.counted[0])]
 
 
-def line(ridge=0.0, constant=True, low=-np.inf, high=np.inf, counted=4, fed_back=False):
+def line(ridge=0.0, constant=True, low=-np.inf, high=np.inf, counted=(4,), fed_back=False):
     class Piece:
         class feedback:  # noqa: N801
             weights = ("weight_0",) if fed_back else ()
 
     between = np.array([[low, -np.inf], [high, np.inf]])
     problem = Line(
-        lambda _: [Piece],
-        [np.ones(counted, dtype=bool)],
+        lambda _: [Piece for _ in counted],
+        [np.ones(count, dtype=bool) for count in counted],
         (0, 0),
         np.array([ridge]),
         constant,
@@ -61,12 +63,18 @@ def line(ridge=0.0, constant=True, low=-np.inf, high=np.inf, counted=4, fed_back
 @pytest.mark.parametrize("ridge", [0.0, 3.0])
 def test_the_least_error_is_that_of_the_normal_equations(ridge):
     found = minimise(line(ridge), np.array([10.0, -7.0]), None, THOROUGH)
-    P = np.column_stack([Line.X, np.ones(4)])
+    P = Line.PHI
     expected = np.linalg.solve(P.T @ P + np.diag([ridge, 0.0]), P.T @ Line.Y)
     np.testing.assert_allclose(found.vector, expected, rtol=1e-5)
     if not ridge:
         np.testing.assert_allclose(found.vector, [2, 1], rtol=1e-5)
         assert found.error == pytest.approx(0, abs=1e-8)
+
+
+@pytest.mark.parametrize("n", [2, 3])
+def test_errors_need_more_samples_than_free_coefficients(n):
+    errors, worth = free_run_errors(line(counted=(n,)), np.array([2.5, 1.0]))
+    assert np.isfinite([*errors, worth]).tolist() == [n > 2] * 3
 
 
 def test_bounds_hold_and_a_constant_may_be_none():
@@ -83,15 +91,22 @@ def test_bounds_hold_and_a_constant_may_be_none():
         (1, -1, 1),
         (0.5, 1, 1),
         (0, 0, 1),
+        (1, 0, 1),
     ):
         assert problem.free(np.array([at, 0.0]), np.array([downhill, 0.0])).tolist() == [free, 1]
 
 
+def test_a_step_that_does_not_lower_the_error_is_not_taken(monkeypatch):
+    monkeypatch.setattr(Line, "at", lambda self, vector, _=None: Point(vector, 1.0, (), self.Y))
+    assert minimise(line(), np.array([10.0, -7.0]), None, THOROUGH).vector.tolist() == [10, -7]
+
+
 def test_horizons_grow_eightfold_from_sixteen_and_shrink_where_runs_diverge():
-    problem = line(counted=2000, fed_back=True)
-    assert np.isfinite(refine(problem, np.zeros(2)).error)
-    assert [*dict.fromkeys(problem.asked)] == [16, 128, 1024, None]
-    problem = line(counted=2000)
+    for counted in ((2000,), (90, 2000)):  # the longest record counts
+        problem = line(counted=counted, fed_back=True)
+        assert np.isfinite(refine(problem, np.zeros(2)).error)
+        assert [*dict.fromkeys(problem.asked)] == [16, 128, 1024, None]
+    problem = line(counted=(2000,))
     refine(problem, np.zeros(2))
     assert {*problem.asked} == {None}
     for bearable, horizons in (
@@ -100,7 +115,7 @@ def test_horizons_grow_eightfold_from_sixteen_and_shrink_where_runs_diverge():
         (17, [16, 128, 45, 26, 20]),
         (50, [16, 128, 45, 360, 127, 75, 58]),
     ):
-        problem = line(counted=2000, fed_back=True)
+        problem = line(counted=(2000,), fed_back=True)
         object.__setattr__(problem, "bearable", bearable)
         assert refine(problem, np.zeros(2)).error == np.inf
         assert [*dict.fromkeys(problem.asked)] == horizons
@@ -175,10 +190,10 @@ def test_errors_of_parameters_are_in_their_own_unit_and_unknown_at_a_bound():
     np.testing.assert_allclose(found.numbers, numbers, rtol=1e-9)
     np.testing.assert_allclose(found.errors, errors * scale, rtol=1e-9)
     reach = 1e-6 * (high - low)
-    for share, held in ((0.9, True), (1.1, False)):
+    for share, held in ((0.9, True), (1.0, True), (1.1, False)):
         for near in (low + share * reach, high - share * reach):
             assert np.isnan(UNKNOWN.identified(near, errors).errors).tolist() == [held] * 3
-    np.testing.assert_allclose(UNKNOWN.begun_at(None), middle)
+    np.testing.assert_allclose(UNKNOWN.begun_at(None), middle, atol=1e-14)
     known = replace(found, names=found.names[:1], numbers=numbers[:1] * 1.5)
     begun = UNKNOWN.begun_at(known)
     np.testing.assert_allclose(begun[1:], middle[1:])

@@ -114,6 +114,11 @@ def test_a_resonance_needs_five_samples_of_its_period():
         find_resonance(x, x, trains, 0.201)
 
 
+def test_an_input_that_never_moves_has_the_lowest_of_equally_good_resonances():
+    x, y = np.zeros(80), wandering(80)
+    assert find_resonance([x], [y], [np.ones(80, dtype=bool)], STEP) == (1.0, 0.03)
+
+
 def test_a_resonance_is_found_behind_a_delay():
     x = wandering(1500)
     y = 2 * resonance(x, 4.0, 0.3, STEP)

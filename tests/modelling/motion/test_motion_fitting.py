@@ -24,6 +24,7 @@ from mapmore_cli.annexes.motion.fitting import fit_motion
 from mapmore_cli.annexes.motion.problem import Bounds, Piece, Problem
 from mapmore_cli.annexes.motion.simulation import simulate, stable
 from mapmore_cli.annexes.motion.solvers import SOLVERS, STRIDES, fly, linear_start
+from mapmore_cli.domain.declared import Contradiction
 from mapmore_cli.domain.errors import DataError, FitError
 
 NOISE = 0.05
@@ -99,6 +100,30 @@ def test_a_swarm_finds_the_bottom_of_a_bowl_from_its_box_and_may_leave_it(begin)
     assert np.all((np.array(seen[:50]) >= low) & (np.array(seen[:50]) <= high))
     assert history[-1] == min(history) == pytest.approx(np.sum((best - bottom) ** 2))
     assert history[-1] < 0.01
+
+
+def test_a_swarm_moves_as_published(monkeypatch):
+    """Three particles, three times: `v = 0.9 v + 2 r1 (own best - x) + 2 r2 (common best - x)`."""
+    monkeypatch.setattr(solvers, "PARTICLES", 3)
+    monkeypatch.setattr(solvers, "ITERATIONS", 3)
+    walls, seen = np.array([[-1.0, -1.0], [1.0, 1.0]]), []
+
+    def cost(x):
+        return float(np.sum((x - 0.2) ** 2))
+
+    fly(lambda x: (seen.append(x.copy()), cost(x))[1], walls, np.random.default_rng(7))
+    rng = np.random.default_rng(7)
+    x, v = -1 + 2 * rng.random((3, 2)), np.zeros((3, 2))
+    own, expected = x.copy(), [*x]
+    for _ in range(3):
+        common = min(own, key=cost).copy()
+        r1, r2 = rng.random((3, 2)), rng.random((3, 2))
+        v = 0.9 * v + 2 * r1 * (own - x) + 2 * r2 * (common - x)
+        stopped = np.abs(x + v) > 1
+        x, v = np.clip(x + v, -1, 1), np.where(stopped, 0, v)
+        own = np.array([min(pair, key=cost) for pair in zip(own, x, strict=True)])
+        expected += [*x]
+    np.testing.assert_allclose(seen, expected)
 
 
 def piece_of(y, counts=None, **drives):
@@ -179,17 +204,27 @@ def test_the_error_of_poles_is_that_of_the_best_weights_of_their_drives(count):
     assert Problem([piece_of(y, np.zeros(50, dtype=bool)), piece_of(y)]).y.tolist() == y.tolist()
 
 
+def test_bounds_have_a_width():
+    assert Bounds(p1=(0.1, 0.2)).p1 == (0.1, 0.2)
+    for ends in ((0.2, 0.2), (0.3, 0.2)):
+        with pytest.raises(Contradiction, match="`p1`: the lower bound"):
+            Bounds(p1=ends)
+
+
 def two_sines(samples):
     return np.concatenate([sine(samples), sine(samples, 0.7, 4.9, 0.4)])
 
 
 @pytest.mark.parametrize("model", ["inflate_deflate", "piecewise", "piecewise_inflate_deflate"])
 def test_hard_sections_come_back_from_what_they_made(model):
-    truth, u = published(model), two_sines(480)
+    truth, u, counts = published(model), two_sines(480), []
     fit = fit_motion(
         [record(u, simulate(truth, {"input": u}))],
         recipe(sections=truth.boundaries, direction=truth.directed, slowest=5.0),
+        lambda done, total: counts.append((done, total)),
     )
+    total = len(truth.sections)
+    assert counts == [(number, total) for number in range(1, total + 1)]
     for ours, theirs in zip(fit.model.sections, truth.sections, strict=True):
         assert ours.id == theirs.id
         assert (ours.p1, ours.p2, ours.p3) == pytest.approx(

@@ -31,7 +31,7 @@ from mapmore_cli.annexes.motion.simulation import (
 from mapmore_cli.domain.errors import DataError, FitError
 from mapmore_cli.domain.models import Model
 from mapmore_cli.domain.recording import Quantity
-from mapmore_cli.modelling.kinds import parameters, runs_over_time
+from mapmore_cli.modelling.kinds import parameters, predict, runs_over_time, verbs_of
 from mapmore_cli.modelling.memory.records import AtSample
 
 MODELS = ("linear", "inflate_deflate", "piecewise", "piecewise_inflate_deflate")
@@ -131,6 +131,12 @@ def test_the_triangle_is_where_both_poles_are_within_the_circle(p1, p2):
     assert abs(poles(p1, p2)[0]) == pytest.approx(largest, abs=1e-7)
 
 
+def test_poles_on_the_circle_are_not_stable():
+    for p1, p2 in ((-1.0, 0.0), (0.0, 1.0), (0.5, 0.5), (0.0, -1.0)):
+        assert not stable(p1, p2)
+    assert poles(-0.25, 0.0) == (0.5j, -0.5j)  # of equal ones, the positive frequency comes first
+
+
 def test_direction_is_literal_or_latched():
     u = np.array([0.0, 0.0, 1.0, 1.0, 0.95, 0.93, 1.1, 0.5, 0.5])
     assert rising(u, 0.0, latched=False).tolist() == [
@@ -184,6 +190,25 @@ def test_each_piece_begins_at_rest():
         values, np.concatenate([run(motion, u[:60]), run(motion, u[60:])]), atol=1e-12
     )
     assert values[60] == pytest.approx(u[60] * motion.sections[0].gain)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_model_has_a_section_for_each_place_and_direction(name):
+    motion = published(name)
+    for changed, count in ((motion, 0), (replace(motion, sections=motion.sections[1:]), 1)):
+        model = Model("a", Quantity("y", "mm"), (), StateSpace(changed, ()))
+        assert len([*verbs_of(model).faults(model)]) == count
+
+
+def test_a_run_starts_again_after_an_unknown_input():
+    motion, u = published("linear"), sine(60)
+    u[[20, 22]] = np.nan
+    model = Model("a", Quantity("y", "mm"), (Quantity("input", "V"),), StateSpace(motion, ()))
+    found = predict(model, {"input": u})
+    parts = [run(motion, part) for part in (u[:20], u[21:22], u[23:])]
+    expected = np.concatenate([parts[0], [np.nan], parts[1], [np.nan], parts[2]])
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert predict(model, {"input": np.empty(0)}).shape == (0,)
 
 
 def test_another_time_step_is_refused():

@@ -8,8 +8,15 @@ import pytest
 from matplotlib.figure import Figure
 
 from mapmore_cli.annexes.motion import convergence
-from mapmore_cli.annexes.motion.body import HARD, Motion, MotionFit, MotionSection, SectionSearch
-from mapmore_cli.annexes.motion.page import sections_table, show_fit, waveforms_table
+from mapmore_cli.annexes.motion.body import (
+    BUMPLESS,
+    HARD,
+    Motion,
+    MotionFit,
+    MotionSection,
+    SectionSearch,
+)
+from mapmore_cli.annexes.motion.page import sections_table, show_fit, tables, waveforms_table
 from mapmore_cli.annexes.motion.simulation import motion_errors
 from mapmore_cli.domain.recording import Quantity
 
@@ -38,11 +45,21 @@ def test_parameters_poles_and_gains_of_sections():
     assert table.headings[5:7] == ("P3", "weight of 1")
     assert "Samples are 0.25 s apart." in table.notes
     assert len(table.notes) == 2
+    joined = replace(FIT, model=replace(MOTION, switching=BUMPLESS))
+    assert len(sections_table({"mapmore": FIT, "joined": joined}, "mm").notes) == 3
     shown, (same,) = show_fit(FIT)
     assert same.rows == table.rows
     first, _ = shown["motion"]["sections"]
     assert first["gain"] == pytest.approx(0.3 / 0.3)
     assert np.ravel(first["poles"]) == pytest.approx([0.5, 0, 0.4, 0])
+
+
+def test_a_section_without_a_constant_has_a_steady_output_of_its_input_alone():
+    section = replace(SECTIONS[0], weights=np.array([0.3]))
+    motion = replace(MOTION, boundaries=(), drives=("u",), sections=(section,))
+    fit = MotionFit(motion, "particle_swarm", SEARCHES[:1])
+    (row,) = sections_table({"mapmore": fit}, "mm").rows
+    assert row[-6:-5] == (pytest.approx(0.3 * 5 / 0.3),)
 
 
 def test_searches_are_lines_that_are_dashed_if_the_input_falls():
@@ -74,16 +91,17 @@ def test_errors_are_those_of_whole_recordings_that_were_held_out(shown):
     n = 24
     u = np.sin(2 * np.pi * np.arange(n) / 12)
     columns = {"u": np.tile(u, 3), "y": np.tile(2 * u, 3)}
-    origin = np.repeat([0, 1, 2], n)
-    held_out = (origin > 0) & (np.arange(3 * n) != 2 * n)  # one sample of the third trains
+    columns = {name: np.append(x, x[-1]) for name, x in columns.items()}
+    origin = np.append(np.repeat([0, 1, 2], n), 3)  # a single sample has no velocity
+    held_out = (origin > 0) & (np.arange(3 * n + 1) != 2 * n)  # one sample of the third trains
     curve = SimpleNamespace(
         columns=columns,
         held_out=held_out,
-        recordings=("a", "b", "c"),
-        logs=[np.flatnonzero(origin == number) for number in range(3)],
+        recordings=("a", "b", "c", "d"),
+        logs=[np.flatnonzero(origin == number) for number in range(4)],
     )
     rng = np.random.default_rng(0)
-    good = columns["y"] + 0.1 * rng.normal(size=3 * n)
+    good = columns["y"] + 0.1 * rng.normal(size=3 * n + 1)
     predictions = {"mapmore": [good], "lost": [np.where(origin == 1, np.nan, good)]}
     inputs = SimpleNamespace(
         target=Quantity("y", "mm"),
@@ -94,3 +112,6 @@ def test_errors_are_those_of_whole_recordings_that_were_held_out(shown):
     b = slice(n, 2 * n)
     errors = motion_errors(columns["y"][b], good[b], columns["u"][b], 0.25)
     assert rows == (() if shown else (("b", "mapmore", *errors),))
+    for fits, names in (({"mapmore": FIT, "other": None}, ["waveforms", "sections"]), ({}, [])):
+        inputs.fits = fits
+        assert [table.name for table in tables(inputs)] == names

@@ -13,6 +13,7 @@ from test_model_evaluation import imagined
 from mapmore_cli.modelling.expressions import Name, Number
 from mapmore_cli.modelling.expressions.syntax import Condition
 from mapmore_cli.modelling.forecast import forecast, forecast_each
+from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.program.statements import Block, Choose, Let, Program
 from mapmore_cli.modelling.program.values import COMPARE, evaluator
 
@@ -49,6 +50,14 @@ def test_short_curves_are_predicted_together(most, monkeypatch):
         curve_of({"a": rng.uniform(-1, 1, n), "b": rng.uniform(0, 5, n)}) for n in (3, 1, 40, 7)
     ]
     apart = [forecast(model, curve).values for curve in curves]
+    calls = []
+
+    def counted(model, columns):
+        calls.append(len(columns["a"]))
+        return predict(model, columns)
+
+    monkeypatch.setattr("mapmore_cli.modelling.forecast.predict", counted)
     together = forecast_each(model, curves, model.output.name)
+    assert calls == ([44, 7] if most == 3 else [51])
     for one, values in zip(together, apart, strict=True):
         np.testing.assert_array_equal(one.values, values)

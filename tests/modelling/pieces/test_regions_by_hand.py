@@ -133,6 +133,9 @@ def test_ranges_are_interpolated_between_levels():
     assert outside_limits(LEVELS, "pressure", edge).tolist() == [False, False, True, True]
     far = {"pressure": np.array([99.0, 301.0, 300.0]), "strain": np.full(3, 0.05)}
     assert outside_limits(LEVELS, "pressure", far).tolist() == [True, True, False]
+    unit = [CurveRange("c", None, {"x": (0.0, 1.0)})]
+    ends = np.array([-1e-9, 1 + 1e-9])  # exactly the tolerance
+    assert outside_limits(unit, None, {"x": ends}).tolist() == [False, False]
     width = [CurveRange("c", None, {"x": (-1.0, 1.0)})]  # twice as large as both ends
     beyond = 1 + np.array([1.9e-9, 2.1e-9])
     for x in (beyond, -beyond):

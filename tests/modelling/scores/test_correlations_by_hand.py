@@ -119,4 +119,6 @@ def test_pieces_are_recordings_in_time_and_whole_curves_along_a_quantity():
     np.testing.assert_allclose(along["strain"].x, np.arange(4.5 - 2, 60, 6))
     unknown = np.where(origin == 1, np.nan, predicted)
     short = named_tests(columns, unknown, None, origin=origin)
+    of_two = named_tests(columns, predicted, None, origin=np.repeat([0, 1], [50, 10]))
+    assert of_two["autocorrelation"].x[-1] == 50 // 4  # one long enough recording suffices
     assert short["autocorrelation"].x[-1] == 25 // 4  # the recording without predictions is longer

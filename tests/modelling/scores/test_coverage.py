@@ -12,7 +12,7 @@ from mapmore_cli.modelling.pieces.build import build
 from mapmore_cli.modelling.pieces.recipe import Recipe
 from mapmore_cli.modelling.signals.sampling import even_share
 from mapmore_cli.modelling.validation import coverage
-from mapmore_cli.modelling.validation.coverage import new_combinations
+from mapmore_cli.modelling.validation.coverage import new_combinations, outside_hull
 from mapmore_cli.reporting.alerts import alerts_of
 
 GRID = np.array(np.meshgrid(np.linspace(0, 300, 21), np.linspace(-1, 1, 21))).reshape(2, -1)
@@ -63,6 +63,12 @@ def test_a_tenth_of_the_range_beyond_the_hull_is_still_known(corner, beyond, is_
     known = square[:, np.dot(corner, square) <= 1e-9]
     asked = np.array(corner)[:, None] * np.full(2, beyond / np.sqrt(2))[:, None]
     assert bool([*new_combinations(*model_and_data(known, asked))]) == is_new
+
+
+def test_exactly_a_tenth_beyond_the_hull_is_known():
+    square = np.array([[0.0, 0, 1, 1], [0, 1, 0, 1]])
+    asked = np.array([[0.0, 0, 0, 0], [1.1, -0.1, 1.101, -0.101]])
+    assert outside_hull(square, asked).tolist() == [False, False, True, True]
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from mapmore_cli.domain.arrays import extremes
 from mapmore_cli.domain.results import Forecast
 from mapmore_cli.domain.scores import MEASURES, OF_TARGET
 from mapmore_cli.modelling.validation import metrics
-from mapmore_cli.modelling.validation.metrics import bands, normaliser
+from mapmore_cli.modelling.validation.metrics import bands, ends_of, normaliser
 
 
 def score(measured, predicted, scale=None, **more):
@@ -143,6 +143,12 @@ def test_information_criteria_and_normalisers_by_hand():
     assert [
         normaliser(kind, (-30.0, 10.0), "force", "train").value for kind in ("max", "range")
     ] == [30.0, 40.0]
+
+
+def test_the_ends_of_columns_are_those_of_all_chosen_rows_together():
+    columns = [np.array([3.0, 1.0, 99.0]), np.array([5.0, -2.0, 4.0]), np.array([-9.0])]
+    masks = [np.array([True, True, False]), np.ones(3, dtype=bool), np.zeros(1, dtype=bool)]
+    assert ends_of(columns, masks) == ends_of(columns[::-1], masks[::-1]) == (-2.0, 5.0)
 
 
 def test_a_constant_has_no_r2_and_zeros_no_nrmse():

@@ -265,6 +265,7 @@ def test_nothing_repeats_without_cycles_of_both_kinds():
     for held in (np.zeros(160, bool), np.ones(160, bool), ~curve.held_out):
         assert again(pressure, motion, held) is None
     assert again(pressure, motion, curve.held_out, level=80.0) is None
+    assert again_of([curve, replace(curve, level=80.0)]) is None
 
 
 @pytest.mark.parametrize("short", [0, 20])

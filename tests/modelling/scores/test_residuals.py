@@ -109,13 +109,16 @@ def test_pieces_that_add_nothing_to_their_backbone_are_an_alarm():
 
     nothing = " on every sample, because its segments add nothing"
     assert [ends_of(model, off) for off in (0.0, 9e-10, 3e-9)] == [[nothing], [nothing], []]
+    unknown = changed(CURVES[0], strain=np.full(CURVES[0].size, np.nan))  # no value of either
+    nan = [np.full(unknown.size, np.nan)]
+    assert "add nothing" in alarms(model, dataset_of((unknown,)), nan, ())[0]
     curves_alone = tuple(replace(one, segments=()) for one in model.body.curves)
     removed = replace(model, body=replace(model.body, curves=curves_alone))
     assert ["left-out training data worse" in end for end in ends_of(removed, 0.0)] == [True]
     assert ends_of(built(CURVES), 0.0) == []
 
 
-def test_the_share_of_an_input_is_its_uncertainty_times_the_slope():
+def test_the_share_of_an_input_is_its_uncertainty_times_the_slope(monkeypatch):
     """`y = 1 + 10 x` and `(0.5 * 10)^2 / mean e^2`, e what is left."""
     x = np.linspace(0.0, 1.0, 50)
     y = 1 + 10 * x + np.random.default_rng(0).normal(0, 2, 50)
@@ -130,6 +133,8 @@ def test_the_share_of_an_input_is_its_uncertainty_times_the_slope():
     found = re.search(r"makes up ([\d.e+]+) %", sentence).group(1)
     assert float(found) == pytest.approx(100 * share, rel=5e-3)
     assert list(explained_by_inputs(model, dataset_of(made))) == []
+    monkeypatch.setattr(residuals, "runs_over_time", lambda _model: True)
+    assert list(explained_by_inputs(model, dataset_of(made, quantities=names))) == []
 
 
 def test_far_samples_are_found_in_their_files_the_farthest_first(monkeypatch):
@@ -143,7 +148,15 @@ def test_far_samples_are_found_in_their_files_the_farthest_first(monkeypatch):
     first = replace(CURVES[0], held_out=np.ones(120, dtype=bool))
     curve = Curve("p", 100.0, columns, held, ("r0", "r1"), origin=origin)
     logs = [
-        Recording(f"r{n}", f"r{n}.csv", {"strain": x[origin == n]}, 20, {}, "", first_row)
+        Recording(
+            f"r{n}",
+            f"r{n}.csv",
+            {"strain": x[origin == n], "load": np.zeros(20)},
+            20,
+            {},
+            "",
+            first_row,
+        )
         for n, first_row in enumerate((2, 0))
     ]
     given = dataset_of((first, curve), logs)
@@ -161,6 +174,8 @@ def test_far_samples_are_found_in_their_files_the_farthest_first(monkeypatch):
     assert [one.scales for one in found] == pytest.approx([one.off / scale for one in found])
     known = outliers.outliers(given, forecasts, replace(fit, loss="huber", scale=2.0))
     assert [one.scales for one in known] == [one.off / 2.0 for one in found]
+    limit = replace(fit, loss="huber", scale=abs(force[0]) / outliers.FAR)
+    assert len(outliers.outliers(given, forecasts, limit)) == 2  # the third is exactly at the limit
     monkeypatch.setattr(outliers, "MOST", 2)
     assert outliers.outliers(given, forecasts, fit) == found[:2]
     # residuals in units of their uncertainty, one step ahead if the model has memory

@@ -56,13 +56,37 @@ def test_a_model_is_inverted_if_the_target_is_one_of_its_inputs():
         assert is_turned(model, Dataset(target, None, {}, (), ())) == turned
 
 
+def test_step_responses_and_models_that_run_over_time_are_shown_over_time(monkeypatch):
+    step, curve = SimpleNamespace(at_rest=[True]), SimpleNamespace(at_rest=None)
+    for runs, made, found in (
+        (False, [curve], False),
+        (False, [curve, step], True),
+        (True, [curve], True),
+    ):
+        monkeypatch.setattr(shown, "runs_over_time", lambda _model, runs=runs: runs)
+        assert shown.in_time(None, Dataset("force", None, {}, (), made)) == found
+
+
+@pytest.mark.parametrize(("turned", "order"), [(False, "strain"), (True, "force")])
+def test_residuals_of_an_inverted_model_are_in_the_order_of_its_output(turned, order, monkeypatch):
+    asked = []
+    monkeypatch.setattr(shown, "is_turned", lambda *_: turned)
+    monkeypatch.setattr(shown, "residual_tests", lambda *given: asked.append(given[-1]) or ())
+    samples = curves()
+    given = Dataset("force", "pressure", QUANTITIES, (), samples)
+    own = tuple(one.columns["force"] for one in samples)
+    shown.for_report(Validation({"mapmore": own}, {}, (), {}), built(), given)
+    assert asked == [order]
+
+
 @pytest.mark.parametrize("most", [120, 40])
 def test_of_long_curves_the_extremes_of_values_and_errors_are_kept(most, monkeypatch):
     """In each of ten parts of the 120 samples of a curve. The log is thinned as well."""
     monkeypatch.setattr(shown, "MANY", most)
     samples, model = curves(), built()
     log = Recording("r", "r.csv", dict(samples[0].columns), 120, {})
-    given = Dataset("force", "pressure", QUANTITIES, (log,), samples)
+    short = Recording("s", "s.csv", {name: x[:30] for name, x in log.columns.items()}, 30, {})
+    given = Dataset("force", "pressure", QUANTITIES, (log, short), samples)
     own = tuple(predict(model, one.columns) for one in samples)
     made = shown.for_report(Validation({"mapmore": own}, {}, (), {}), model, given)
     assert (made.along, len(made.bands) > 0) == ("strain", True)

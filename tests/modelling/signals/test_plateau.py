@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -17,7 +17,7 @@ from mapmore_cli.modelling.signals.plateau import (
     find_plateau,
     match_levels,
 )
-from mapmore_cli.modelling.signals.rates import direction, needed_signals, with_signals
+from mapmore_cli.modelling.signals.rates import FALL, RISE, direction, needed_signals, with_signals
 
 
 def in_bins(**extra):
@@ -38,6 +38,13 @@ def in_bins(**extra):
         (in_bins(bin_60=6, bin_63=6), [60.5, 63.5]),
         (np.linspace(-105.2, -100, 1000), [-103]),  # less than 5 % of its size
         (np.linspace(100, 105.4, 1000), []),
+        (np.linspace(190, 200, 101), [195]),  # exactly 5 % of its size
+        (np.append(np.zeros(5), np.linspace(100, 110, 995)), [105]),  # 0.5 % are no glitches
+        (np.repeat([0, 60.5, 63.5, 128], [1, 50, 50, 1]), [60.5, 63.5]),  # nothing between them
+        (np.repeat([0.0, 60.0, 128.0], [1, 50, 1]), [60]),  # at the lower edge of its bin
+        (np.repeat([0.0, 128.0], [1, 50]), [128]),
+        (np.arange(10.0), []),  # a single sample is not held
+        *((np.full(3, value), [value]) for value in (0.0, -2.5)),
         *((149.73 + np.array([-a, 0, a]), [level]) for a, level in ((1.9, 150), (0.9, 149.7))),
         *(
             (2.0 / 3 + np.array([-a, 0, a]), [level])
@@ -58,6 +65,7 @@ def test_half_way_belongs_to_the_lower_level_and_a_single_one_takes_everything()
         match_levels(np.array([200.0, 200.001, 100.0, 99.9, 300.0]), levels, 50.0), [1, 0, 1, -1, 0]
     )
     assert default_within(np.array([3.0])) == math.inf
+    assert match_levels(np.array([0.0]), np.array([0.0]), 0.0) == 0
     np.testing.assert_array_equal(
         match_levels(np.array([-1e9, 1e9]), np.array([3.0]), math.inf), [0, 0]
     )
@@ -77,11 +85,13 @@ rates = arrays(float, st.integers(1, 60), elements=st.floats(-20, 20))
 
 
 @given(rates, st.floats(0.1, 10))
+@example(np.array([-2.0]), 2.0)
 def test_the_direction_is_latched_and_causal(rate, dead_band):
     found = direction(rate, dead_band)
-    last = 1.0
+    last = RISE
     for value, told in zip(rate, found, strict=True):  # the definition, sample by sample
-        last = np.sign(value) if abs(value) > dead_band else last
+        moves = RISE if value > 0 else FALL
+        last = moves if abs(value) > dead_band else last
         assert told == last
     assert np.array_equal(
         direction(rate[: len(rate) // 2 + 1], dead_band), found[: len(rate) // 2 + 1]
@@ -125,6 +135,34 @@ def test_a_plateau_is_a_band_around_the_final_value_in_any_unit():
         DataError, match=r"the pressure never rises; it stays between -2\.6 and 102\.6"
     ):
         find_plateau(time[:70], pressure + np.where(np.arange(70) % 2, 2.6, -2.6), {})
+
+
+@pytest.mark.parametrize(
+    ("pressure", "ends"),
+    [
+        ([0] * 10 + [25, 50, 75] + [100] * 3 + [0] * 9, (13, 15)),  # half as long as the rise
+        ([0] * 10 + [25, 50, 75] + [100] * 2 + [0] * 9, None),
+        ([0] * 10 + [50, 95] + [100] * 9 + [0] * 9, (11, 20)),  # 95 is exactly within 5 %
+        ([100, 100, 0, 0, 0], (0, 1)),  # the record begins on the plateau
+        ([100, 0, 0, 0], None),
+    ],
+)
+def test_a_plateau_has_several_samples_and_at_least_half_the_length_of_the_rise(pressure, ends):
+    values = np.array(pressure, dtype=float)
+    time = np.arange(len(values)) * 1.0
+    if ends is not None:
+        assert find_plateau(time, values, {}) == ends
+        return
+    with pytest.raises(DataError, match="no plateau was found"):
+        find_plateau(time, values, {})
+
+
+@pytest.mark.parametrize("count", [1, 9])
+def test_a_pressure_that_never_changes_never_rises(count):
+    with pytest.raises(DataError, match="the pressure never rises; it stays between 3 and 3"):
+        find_plateau(np.arange(count) * 1.0, np.full(count, 3.0), {})
+    with pytest.raises(DataError, match="the pressure never rises"):  # two samples may be noise
+        find_plateau(np.arange(2.0), np.array([0.0, 100.0]), {})
 
 
 def test_signals_follow_in_order_and_only_where_they_are_missing():

@@ -10,7 +10,7 @@ from reading import refused
 from scipy.signal import savgol_filter
 
 from mapmore_cli.domain import arrays
-from mapmore_cli.modelling.signals import sampling
+from mapmore_cli.modelling.signals import rates, sampling
 from mapmore_cli.modelling.signals.rates import rate, running_median
 from mapmore_cli.modelling.signals.sampling import (
     align,
@@ -47,6 +47,11 @@ def test_an_envelope_has_the_ends_of_every_run(values, limit, less):
         else:
             assert {min(drawn[own]), max(drawn[own])} == {known.min(), known.max()}
             assert len(own) == 2 - (known.min() == known.max() or own[0] == own[-1])
+
+
+def test_a_curve_within_the_limit_is_shown_whole():
+    assert envelope(np.zeros(4), 4).tolist() == [0, 1, 2, 3]
+    assert len(envelope(np.zeros(6), 4)) == 2
 
 
 def test_shares_and_parts_of_long_records_are_even(monkeypatch):
@@ -131,6 +136,7 @@ def test_planted_gaps_are_found_and_their_samples_counted(sizes, missing, step):
 @pytest.mark.parametrize("start", [0.0, 1e4, 1.6e9])
 def test_step_of_exactly_the_limit_is_no_gap(start):
     assert len(find_gaps(start + np.arange(1000) * 0.01, 0.01)) == 0
+    assert len(find_gaps(np.zeros(3), 0.0)) == 0
 
 
 def test_repeated_stamps_do_not_hide_the_usual_step_and_resets_are_found():
@@ -172,7 +178,8 @@ def test_every_value_lies_between_two_near_samples_or_is_missing(time, stamps, m
 
 def test_own_stamps_keep_their_values_on_both_sides_of_a_gap():
     time, values = np.array([0.0, 1.0, 9.0, 10.0]), np.array([5.0, 6.0, 7.0, 8.0])
-    np.testing.assert_array_equal(align(time, time, values, 2.0), values)
+    for max_gap in (0.0, 2.0):
+        np.testing.assert_array_equal(align(time, time, values, max_gap), values)
     np.testing.assert_array_equal(
         align(np.array([1.5, np.nan, -0.1, 10.1]), time, values, 2.0), [np.nan] * 4
     )
@@ -221,12 +228,32 @@ def test_running_medians_are_of_half_a_window_around_each_point(seed, window):
         np.testing.assert_allclose(medians, np.interp(points, points[known], own), atol=1e-9)
 
 
+def test_an_offset_of_a_quantity_costs_no_digits():
+    time = rounded_stamps(1, 500)
+    far = 1e9 + np.sin(9 * time)
+    values = far - 1e9  # exact
+    np.testing.assert_allclose(rate(time, far, 0.04, 3), rate(time, values, 0.04, 3), atol=1e-9)
+    for pair in ((far, time), (time, far)):
+        assert correlation(*pair) == pytest.approx(correlation(values, time), rel=1e-12)
+
+
 def test_blocks_do_not_show(monkeypatch):
     time = rounded_stamps(1, 500)
     values = np.sin(9 * time)
     whole = rate(time, values, 0.04, 3)
-    monkeypatch.setattr("mapmore_cli.modelling.signals.rates.BLOCK", 70)
-    np.testing.assert_allclose(rate(time, values, 0.04, 3), whole, rtol=1e-10)
+    sizes = []
+
+    def counted(time, values, at, *more):
+        sizes.append(len(at))
+        return slopes(time, values, at, *more)
+
+    slopes = rates._slopes
+    monkeypatch.setattr(rates, "_slopes", counted)
+    for block, rows in ((70, 2), (1, 1)):  # of windows of at most 35 samples
+        sizes.clear()
+        monkeypatch.setattr(rates, "BLOCK", block)
+        np.testing.assert_allclose(rate(time, values, 0.04, 3), whole, rtol=1e-10)
+        assert max(sizes) == rows
 
 
 @pytest.mark.parametrize(

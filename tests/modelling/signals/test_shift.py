@@ -7,10 +7,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from scipy.stats import t as student
 
+from mapmore_cli.modelling.signals import shift as shifts
 from mapmore_cli.modelling.signals.shift import (
     Shift,
+    _half_width,
     _peak,
+    _vertex,
     changes,
     correlation_by_lag,
     find_shift,
@@ -156,6 +160,9 @@ def test_nothing_changes():
 def test_a_record_of_eight_samples_is_long_enough():
     event = np.array([0.0, 0, 0, 5, 5, 5, 5, 5])
     assert find_shift(np.arange(8.0), event, np.arange(8.0), event) is not None
+    jump = np.repeat([0.0, 1.0], 15)
+    alone = _peak(jump, jump, 1, 0.0, 1.0, same_sign=True)
+    assert (alone.next_best, alone.rival) == (0.0, None)
     assert find_shift(np.arange(7.0), event[:7], np.arange(8.0), event) is None
     assert find_shift(np.arange(8.0), event, np.arange(7.0), event[:7]) is None
     longer = np.append(event, 5.0)  # changes over two samples need more than eight
@@ -168,6 +175,7 @@ def test_a_peak_is_certain_if_it_is_high_above_noise_and_above_the_next_one():
     assert one.ratio == pytest.approx(0.92 / 0.7)
     assert sure(one)
     assert replace(one, next_best=0.801).ambiguous
+    assert not replace(one, correlation=1.15 / 2, next_best=0.5).ambiguous
     assert not replace(one, next_best=0.799).ambiguous
     alone = replace(one, next_best=0.0, rival=None)
     assert (alone.ratio, alone.ambiguous) == (np.inf, False)
@@ -209,6 +217,62 @@ def test_the_correlation_is_pearsons_over_the_overlap(seed):
         else:
             assert r[place] == 0
     assert known
+
+
+def test_equal_records_correlate_by_exactly_one():
+    for seed in range(20):
+        u = np.random.default_rng(seed).standard_normal(60)
+        for sign in (1, -1):
+            r, lags, _ = correlation_by_lag(u, sign * u)
+            assert np.abs(r).max() <= 1
+            assert r[lags == 0] == pytest.approx(sign)
+
+
+@pytest.mark.parametrize(
+    ("size", "place"),
+    [([1, 1, 1], 0), ([0, 1, 1], 0.5), ([1, 1, 0], -0.5), ([0, 3, 1], 0.1), ([2, 3, 0], -0.25)],
+)
+def test_a_peak_has_its_top_on_the_parabola_through_three_points(size, place):
+    assert _vertex(np.array(size, dtype=float), 1) == pytest.approx(place)
+    for end in (0, 2):
+        assert _vertex(np.array(size, dtype=float), end) == 0
+
+
+def test_the_half_width_is_that_of_noise_with_an_autocovariance():
+    """Of 64 samples: `t sqrt(sum_k R(k) A(k)) / sum u' v'`, with the autocovariance R of the
+    difference, and the sums A of products of the slope of the mean.
+    """
+    random = np.random.default_rng(5)
+    truth = np.sin(np.arange(64) / 4)
+    u, v = truth + 0.1 * random.standard_normal((2, 64))
+    u, v = u - u.mean(), v - v.mean()
+    v = v * np.sqrt(u @ u / (v @ v))
+    slope, rest = np.gradient((u + v) / 2), u - v
+    sums = [np.correlate(signal, signal, "full") for signal in (rest, slope)]
+    variance = np.dot(*sums) / 64
+    products = (np.abs(np.fft.rfft(slope, 128)) * np.abs(np.fft.rfft(rest, 128))) ** 2
+    freedom = products.sum() ** 2 / (products @ products)
+    expected = student.ppf(0.975, freedom) * np.sqrt(variance) / (np.diff(u) @ np.diff(v))
+    assert _half_width(u, v, 0) == pytest.approx(expected, rel=1e-3)
+
+
+def test_records_that_never_change_together_have_no_interval():
+    u, v = np.array([[0.0, 0, 1, 1, 1, 1], [0.0, 0, 0, 0, 1, 1]])
+    assert _half_width(u, v, 0) == np.inf
+    assert np.isfinite(_half_width(u, v, -2))
+
+
+def test_the_longer_record_has_a_bounded_number_of_grid_points(monkeypatch):
+    sizes = []
+
+    def peak(first, second, *_):
+        sizes.append((len(first), len(second)))
+
+    monkeypatch.setattr(shifts, "_peak", peak)
+    monkeypatch.setattr(shifts, "MOST", 50)
+    assert find_shift(np.arange(400.0), np.zeros(400), np.arange(200.0), np.zeros(200)) is None
+    assert find_shift(np.arange(200.0), np.zeros(200), np.arange(400.0), np.zeros(400)) is None
+    assert {*sizes} == {(50, 25), (25, 50)}
 
 
 def test_of_smooth_records_without_noise_the_shift_is_told_to_a_tenth_of_a_sample():

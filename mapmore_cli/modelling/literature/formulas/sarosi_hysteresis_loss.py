@@ -52,8 +52,10 @@ class ForceCurve(NamedTuple):
         """Return the mean force between the strain `start` and each strain in `end`, shape (n,). If
         an end equals `start`, the mean is the force at `start`.
         """
-        z = self.c * (end - start)
-        ratio = np.where(z == 0.0, 1.0, np.expm1(z) / np.where(z == 0.0, 1.0, z))
+        # imported here, because the import is slow and few studies need it
+        from scipy.special import exprel
+
+        ratio = exprel(self.c * (end - start))  # (exp(z) - 1)/z, and 1 for z = 0
         return np.asarray(
             self.A * np.exp(self.c * start) * ratio + self.B * (start + end) / 2 + self.C
         )
