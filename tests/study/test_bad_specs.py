@@ -176,6 +176,14 @@ def test_thousands_of_competitors_are_refused_at_once(tmp_path):
             ["at most 20", "model `sarosy`"],
         ),
         (
+            STATIC.replace(
+                '["exp(-strain/0.02)"]',
+                "[strain]\n  - polynomial: {of: [strain], order: 98}\n  - terms: [sprain]",
+            ),
+            {"r: 4": "r: 99"},
+            ["`dictionary[0].polynomial.order` should", "`dictionary[2].", "no quantity `sprain`"],
+        ),
+        (
             FORCE.replace("[{", "[{play: {of: [pressure], widths: [0.1], count: 2}}, {")
             + "fit: {ridge: auto}",
             {"strain], order": "strian], order"},

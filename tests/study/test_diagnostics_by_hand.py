@@ -5,7 +5,13 @@ from pathlib import Path
 import pytest
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.study.diagnostics import Mistake, _value_in_words, did_you_mean, raise_if_any
+from mapmore_cli.study.diagnostics import (
+    Mistake,
+    _unknown_key,
+    _value_in_words,
+    did_you_mean,
+    raise_if_any,
+)
 from mapmore_cli.study.loader import _echoes
 from mapmore_cli.study.tree import Position, SourceText
 
@@ -44,6 +50,25 @@ def test_mistakes_are_in_the_order_of_the_sources_and_of_their_lines():
 def test_twenty_five_mistakes_are_shown(count, last):
     lines = told(*((ONE, number, 1) for number in range(1, count + 1)))
     assert (len(lines), lines[-1]) == (min(count, 26), last)
+
+
+@pytest.mark.parametrize(("size", "first"), [(110, 1), (111, 46)])
+def test_the_last_line_of_a_spec_is_shown_whole_if_it_is_not_too_long(size, first):
+    """A line has 110 characters at most; of a longer one, what stands around the mistake."""
+    line = "".join(chr(ord("a") + place % 26) for place in range(size))
+    mistake = Mistake(Position(SourceText("a.yaml", Path(), f"x: 1\n{line}"), 2, 101), "wrong")
+    with pytest.raises(SpecError) as caught:
+        raise_if_any([mistake])
+    _, shown, caret = str(caught.value).splitlines()
+    assert shown == f"     2 | {line[first - 1 :]}"
+    assert shown[caret.index("^")] == line[100]
+
+
+@pytest.mark.parametrize(
+    ("loc", "said"), [(("a",), "unknown key `a`"), (("b", "a"), "unknown key `a` in `b`")]
+)
+def test_an_unknown_key_is_told_with_its_section(loc, said):
+    assert _unknown_key(loc, []) == (said, None)
 
 
 @pytest.mark.parametrize(

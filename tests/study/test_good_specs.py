@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 from common import rows_of
 from spec_examples import (
     DAMPING,
+    FORCE,
     GOOD,
     LOGS,
     MEASURED,
@@ -178,6 +180,18 @@ UNSAID = STATIC.replace(", max_terms: 1, tolerance: 1.0e-4", "")
 def test_one_model_of_everything_has_as_many_terms_as_data_support(tmp_path, text, terms, stop):
     fit = load_text(tmp_path, text).spec.fit
     assert (fit.max_terms, fit.stop) == (terms, stop)
+
+
+def test_a_model_without_segments_may_have_a_constant_among_its_terms(tmp_path):
+    polynomial = "polynomial: {of: [pressure, strain], order: 2}"
+    spec = load_text(tmp_path, FORCE.replace(polynomial, "terms: ['1', strain]")).spec
+    assert spec.dictionary[0].terms == ["1", "strain"]
+
+
+def test_the_resolved_text_has_the_defaults_and_no_empty_keys(tmp_path):
+    text = load_text(tmp_path, FORCE).resolved
+    assert yaml.safe_load(text)["fuse"]["z_s"] == 0.25
+    assert "null" not in text
 
 
 def test_the_damping_example(tmp_path):

@@ -336,7 +336,7 @@ class Families(Section):
         return next(iter(self._given().items()))
 
     def _contradictions(self) -> Sequence[Row]:
-        low, high = self.bounds or (0.0, 1.0)
+        low, high = self.bounds or (-inf, inf)
         count = "two kinds" if self._given() else "no kind"
         names = quoted(name for name in type(self).model_fields if name not in LIMITS)
         return [
