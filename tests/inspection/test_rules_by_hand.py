@@ -175,7 +175,7 @@ def test_a_curve_has_five_samples():
 
 @pytest.mark.parametrize(
     ("values", "told"),
-    [([0.5, 1.009], False), ([0.5] * 30 + [1.011], True), ([-0.009], False), ([-0.011, 0.5], True)],
+    [([1.01], False), ([-0.01], False), ([0.5] * 30 + [1.011], True), ([-0.011, 0.5], True)],
 )
 def test_held_out_values_within_the_training_range(values, told):
     """A hundredth of the range from 0 to 1 may be chance."""
@@ -244,6 +244,40 @@ def test_a_level_or_group_that_is_left_out_is_not_the_only_one(split, day, told)
     assert [words in message for words, message in zip(told, messages, strict=True)] == [
         True for _ in told
     ]
+
+
+def test_a_curve_of_one_place_hides_no_loop_of_another():
+    there = np.linspace(0, 1, 50)
+    loop = {"strain": np.append(there, there[::-1]), "force": np.append(there, there[::-1] + 1)}
+    at_rest = {"strain": np.full(100, 0.5), "force": np.ones(100)}
+    parts = [
+        {"pressure": np.full(100, level), **columns}
+        for level, columns in ((1.0, loop), (2.0, at_rest))
+    ]
+    made = dataset_of(*parts, output="force")
+    with_levels = zip(made.curves, (1.0, 2.0), strict=True)
+    leveled = tuple(replace(curve, level=level) for curve, level in with_levels)
+    subject = subject_of(*parts, made=replace(made, level="pressure", curves=leveled))
+    (issue,) = curves.single_valued(subject)
+    assert issue.id == "not-single-valued"
+    assert (" at a" in issue.message, " at b" in issue.message) == (True, False)
+
+
+def test_boundaries_that_are_placed_in_one_of_two_inputs_need_samples():
+    made = dataset_of({name: np.arange(9.0) for name in UNITS}, output="force")
+    cuts = {"u": {"method": "even", "count": 1}, "strain": {"method": "optimal", "count": 5}}
+    spec = ExperimentSpec.model_validate({**BASE, "segment": cuts})
+    (issue,) = fits.short_segments(replace(subject_of(made=made), spec=spec))
+    assert issue.message.startswith("a has 9 training samples: 5 segments of ")
+
+
+def test_a_quantity_is_there_if_every_recording_has_it():
+    subject = subject_of({"u": [1.0], "force": [1.0]}, {"u": [2.0]})
+    assert (subject.has("u"), subject.has("force"), subject.has("u", "force")) == (
+        True,
+        False,
+        False,
+    )
 
 
 def test_a_few_samples_of_another_input_may_lie_outside():

@@ -54,6 +54,13 @@ def test_titles_say_quantities_and_units(titles, quantity, unit):
         assert unit is None or (label is not None and label.unit == unit), title
 
 
+@pytest.mark.parametrize(
+    ("title", "plain"), [("force_N", True), ("force_N_total", False), ("sensor 3 kPa", False)]
+)
+def test_a_title_is_plain_if_it_has_nothing_else(title, plain):
+    assert read_label(title).plain == plain
+
+
 @given(st.text())
 def test_any_name_of_a_column_or_a_file_can_be_read(name):
     read_label(name)

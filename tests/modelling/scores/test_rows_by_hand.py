@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from mapmore_cli.domain.compared import Normaliser
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.results import Forecast, ResidualTest, Validation
 from mapmore_cli.domain.scores import (
@@ -51,6 +52,12 @@ def test_a_run_is_free_if_its_error_is_not_that_of_one_step(ahead, free, shown):
 
 def test_a_target_is_far_from_zero_if_its_range_is_less_than_a_third_of_the_scale():
     assert [row(nrmse_range=share).far for share in (0.29, 0.31, math.nan)] == [False, True, False]
+    assert not row(nrmse=0.25, nrmse_range=0.75).far
+
+
+def test_an_error_is_no_fraction_of_nothing():
+    assert Normaliser("", 2.0).fraction(1.0) == 0.5
+    assert math.isnan(Normaliser("", 0.0).fraction(1.0))
 
 
 def test_a_table_of_several_targets_has_one_of_each():
