@@ -96,8 +96,15 @@ def test_a_sensor_is_clipped_at_ten_times_as_many_samples_as_elsewhere(at_end, o
     assert issues == [("warning", "clipped", "data.columns.force")] * told
 
 
+@pytest.mark.parametrize(("count", "told"), [(20, False), (21, True)])
+def test_up_to_a_hundredth_of_the_samples_may_lie_at_an_end(count, told):
+    values = np.linspace(0.0, 8.5, 2000)
+    values[:count] = 9.0
+    assert bool(found(samples.clipped, {"force": values})) == told
+
+
 def test_ends_near_zero_are_no_clipping():
-    for end, told in ((4.4, False), (4.6, True)):
+    for end, told in ((4.4, False), (4.5, True)):
         values = np.append(np.full(200, -end), np.linspace(-end + 0.1, 9, 800))
         issues = found(samples.clipped, {"u": values})
         assert issues == [("hint", "clipped", "data.columns.u")] * told
@@ -116,6 +123,17 @@ def test_a_force_whose_squares_pull_by_less_than_a_hundredth(above, told):
     both = subject_of({"force": 0.4 * force}, {"force": [30.0, -1.0]})
     messages = [issue.message for issue in signs.force_never_pulls(both)]
     assert [message.startswith("r0.csv") for message in messages] == [True] * told
+
+
+@pytest.mark.parametrize(("scale", "turned"), [(2.0, "-2"), (-0.5, "0.5"), (None, "-1")])
+def test_the_sign_of_a_force_is_turned_by_the_scale_of_its_column(scale, turned):
+    columns = {"u": {"column": "u"}}
+    columns |= {} if scale is None else {"force": {"column": "F", "scale": scale}}
+    derive = {"force": "-u"} if scale is None else {}
+    (issue,) = signs.force_never_pulls(
+        subject_of({"force": -np.ones(9)}, columns=columns, derive=derive)
+    )
+    assert issue.remedy.startswith(f"write `scale: {turned}`")
 
 
 def test_rules_say_nothing_without_the_quantities_that_they_look_at():
@@ -154,6 +172,21 @@ def test_cycles_of_what_is_held(spans, issue):
     ]
     issues = found(samples.still_cycles, *recordings, **CYCLES)
     assert issues == ([] if issue is None else [(issue, "cycles-of-nothing", "data.cycles")])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "held"), [(99.0, 100.0, True), (98.9, 100.0, False), (-100.0, -99.0, True)]
+)
+def test_a_movement_of_a_hundredth_of_the_largest_value_is_noise(low, high, held):
+    strain = {"strain": np.linspace(low, high, 40)}
+    messages = [issue.message for issue in samples.still_cycles(subject_of(strain, **CYCLES))]
+    assert [message.split(":")[0] for message in messages] == [
+        "strain is constant in r0.csv"
+    ] * held
+    assert (
+        found(samples.still_cycles, {"strain": np.linspace(0, 1, 40)}, {"strain": [1.0]}, **CYCLES)
+        == []
+    )
 
 
 def test_a_copied_file_is_an_error_where_one_is_held_out():
@@ -351,7 +384,7 @@ def test_a_number_far_from_all_others_stands_for_a_missing_value(fill, count, to
 
 @pytest.mark.parametrize(("unit", "whole"), [("1", 1.0), ("%", 100.0)])
 @pytest.mark.parametrize(
-    ("share", "told"), [(0.99, []), (1.01, ["strain reaches 1.01, which is 101 %"])]
+    ("share", "told"), [(1.0, []), (1.01, ["strain reaches 1.01, which is 101 %"])]
 )
 def test_a_muscle_contracts_by_less_than_its_length(unit, whole, share, told):
     subject = subject_of({"strain": [0.0, share * whole]}, units={**UNITS, "strain": unit})
@@ -389,3 +422,17 @@ def test_a_difference_between_sessions_is_told_with_what_explains_it(effect, lin
     both = subject_of({"u": u, "force": u}, {"u": u, "force": effect(u)})
     (issue,) = pairs.untold_difference(both)
     assert issue.remedy.startswith(f"write {line}`set: {{session: 1}}`")
+
+
+def test_inputs_that_are_equal_are_told_in_the_order_of_the_alphabet():
+    u = np.sin(np.arange(60.0))
+    columns = {name: {"column": name} for name in ("force", *"ebdac")}
+    parts = [{**dict.fromkeys("ebdac", u), "force": force} for force in (u, u + 1)]
+    (issue,) = pairs.untold_difference(subject_of(*parts, columns=columns))
+    assert "has the same a, b, c, d, e as" in issue.message
+
+
+@pytest.mark.parametrize(("lowest", "told"), [(-101.4, True), (-101.5, False)])
+def test_a_spike_below_the_vacuum_is_told_by_another_rule(lowest, told):
+    pressure = np.where(np.arange(60) == 30, lowest, np.arange(60) % 3.0)
+    assert bool(found(odd_values.spikes_in, {"pressure": pressure})) == told

@@ -148,7 +148,7 @@ def still_cycles(subject: Subject) -> Issues:
         return
     low, high = subject.span(cycles.over)
     # movements below 5 % of the range of all recordings, or 1 % of the largest value, are noise
-    least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
+    least = max(STILL * (high - low), LITTLE * max(-low, high))
     columns = [recording.columns[cycles.over] for recording in subject.kept]
     noisy = [_is_noise(values) for values in columns]
     spans = [ends[1] - ends[0] for ends in map(extremes, columns)]
