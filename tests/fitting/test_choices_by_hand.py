@@ -7,6 +7,7 @@ import pytest
 
 from mapmore_cli.fitting import baselines
 from mapmore_cli.fitting.kinds.choices import (
+    by_trial,
     fit_choices,
     lengths_of,
     level_of,
@@ -54,6 +55,13 @@ def test_curves_are_interpolated_between_levels_unless_they_are_pooled(of, segme
     recipe = recipe_of("force", part)
     assert (recipe.level, recipe.pooled) == (level, None if level else of)
     assert recipe_of("force", replace(part, levels=None)).pooled is None
+
+
+@pytest.mark.parametrize(("method", "tried"), [("optimal", True), ("gradient", False)])
+def test_boundaries_are_found_by_trial_if_those_of_one_input_are_optimal(method, tried):
+    cuts = {name: {"method": "even", "count": 2} for name in ("strain", "force")}
+    segment = {**cuts, "force": {"method": method, "count": 2}, "pressure": "none"}
+    assert by_trial(spec_of(target={"column": "pressure"}, segment=segment).segment) is tried
 
 
 def test_a_fit_depends_on_the_fusion_only_if_it_chooses_a_backbone():

@@ -3,20 +3,26 @@ factor of a column of ones.
 """
 
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from common import curve_of, dataset_of
 
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Grouping
+from mapmore_cli.domain.results import Forecast
+from mapmore_cli.fitting.competitors import Contest
 from mapmore_cli.fitting.groups import regrouped
 from mapmore_cli.fitting.kinds import Given, fit, refit
 from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.kinds.memory import _asked
 from mapmore_cli.fitting.kinds.pieces import segmented
-from mapmore_cli.fitting.left_out import parts_of, residuals, share_beyond, trained_on
+from mapmore_cli.fitting.left_out import left_out, parts_of, residuals, share_beyond, trained_on
 from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.expressions.operators.lags import spread_times
+from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.storage.artefacts import write_dataset
 from mapmore_cli.storage.run_folder import DATASET, RunFiles
 from mapmore_cli.study.experiment import ExperimentSpec
@@ -86,6 +92,35 @@ def test_of_two_recordings_blocks_are_left_out_and_of_levels_those_within():
     assert [mask.tolist() for mask in parts["p=2"]] == [[False] * 2, [False] * 2, [True] * 2]
 
 
+def test_each_of_three_specimens_of_a_family_is_left_out():
+    family = replace(CHOICES, model=replace(CHOICES.model, family=FamilySettings(of="g")))
+    columns = [{"g": np.full(2, value), "y": np.zeros(2)} for value in (3.0, 1.0, 2.0)]
+    kind, count, parts = parts_of(dataset_of(*columns), family)
+    assert (kind, count, [*parts]) == ("specimens", 3, ["g=1", "g=2", "g=3"])
+    assert [mask.tolist() for mask in parts["g=1"]] == [[False] * 2, [True] * 2, [False] * 2]
+    with pytest.raises(DataError, match="the training data have 2"):
+        parts_of(dataset_of(*columns[:2]), family)
+
+
+def test_a_rival_is_compared_by_its_forecasts_of_left_out_groups_if_no_fit_fails():
+    columns = {"x": np.ones(4), "y": np.array([1.0, 1.0, 2.0, 2.0]), "g": np.array([7, 7, 8, 8.0])}
+    dataset, folds = dataset_of(columns), []
+
+    def compare(fold):
+        folds.append(fold.dataset.curves[0].held_out.tolist())
+        forecasts = (Forecast.of(np.full(4, float(len(folds)))),)
+        return {"rival": forecasts, **({"fails": forecasts} if len(folds) < 2 else {})}, ["slow"]
+
+    contest = Contest(dataset, refit(CHOICES, dataset), {}, None, {}, Path())
+    workspace = SimpleNamespace(run_dir=None, progress=lambda *_: None)
+    _, said, warnings = left_out(CHOICES, contest, compare, workspace, "y", "g")
+    assert folds == [[True, True, False, False], [False, False, True, True]]
+    assert {*said} == {"mapmore", "rival"}
+    assert said["mapmore"][0].values == pytest.approx([2, 2, 1, 1])
+    assert said["rival"][0].values.tolist() == [1, 1, 2, 2]
+    assert warnings == ["slow"] * 2
+
+
 def of_groups(*groups, turned=()):
     """Return a recording of y = 5 + 3 x for each group, of which the second and the third add 4;
     the outputs of some may be turned round. The effects of the groups are removed.
@@ -150,12 +185,14 @@ def test_a_run_knows_held_out_samples_beyond_a_tenth(tmp_path, shared, is_traine
 
 
 def test_time_constants_are_spread_over_the_longest_recording():
-    """Of a hundred samples 0.1 s apart; held-out ones are not counted."""
+    """Of a hundred samples 0.1 s apart; held-out ones and shorter ones are not counted."""
     memory = {"dictionary": [{"slow": {"of": ["x"], "count": 3}}]}
     choices = model_choices(ExperimentSpec.model_validate({**SPEC, **memory}))
     x = np.sin(np.arange(120.0))
     columns = {"time": 0.1 * np.arange(120), "x": x, "y": x}
-    _, recipe = _asked(choices, dataset_of(columns, held_out=np.arange(120) >= 100), None)
+    short = {name: values[:60] for name, values in columns.items()}
+    held = curve_of(columns, np.arange(120) >= 100, "a"), curve_of(short, name="b")
+    _, recipe = _asked(choices, replace(dataset_of(columns), curves=held), None)
     taus = [float(term.split(", ")[1].rstrip(")")) for term in recipe.dictionary]
     assert taus == pytest.approx(spread_times(3, 0.1, 10.0), rel=0.01)
 
