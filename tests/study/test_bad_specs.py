@@ -24,7 +24,7 @@ from spec_examples import (
 )
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.study.loader import load
+from mapmore_cli.study.loader import load, load_text
 from mapmore_cli.study.units import is_quantity, split_quantity
 
 EVEN = "{method: even, count: 4}"
@@ -127,6 +127,12 @@ def test_a_misspelt_section_hides_no_mistake_in_it(tmp_path):
     for said in ("unknown key `fitt`", "unknown key `scalling` in `fit`", "`fit.max_terms` should"):
         assert said in message
     assert message.count("spec.yaml:") == 3
+
+
+def test_a_spec_that_is_in_no_file_has_no_lines(tmp_path):
+    with pytest.raises(SpecError) as caught:
+        load_text(FORCE.replace("target:", "tarjet:"), "given", tmp_path)
+    assert "given: unknown key `tarjet`" in str(caught.value).splitlines()
 
 
 def test_a_message_shows_the_line_with_a_caret_under_the_mistake(tmp_path):

@@ -1,6 +1,7 @@
 """Sections of a spec, made from their values: what the code reads of them, by hand."""
 
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ from pydantic import ValidationError
 
 from mapmore_cli.modelling.literature.own import formula_of
 from mapmore_cli.study import campaign as campaigns
-from mapmore_cli.study.checks.terms import expression_findings
+from mapmore_cli.study.checks.terms import clocks, expression_findings
+from mapmore_cli.study.experiment import ExperimentSpec, _given_memory
 from mapmore_cli.study.fields import Section, possible_path
 from mapmore_cli.study.sections.data import Data, Levels, MissingRule
 from mapmore_cli.study.sections.dictionary import (
@@ -147,6 +149,21 @@ def test_a_spline_is_of_a_state_and_is_multiplied_by_expressions():
 def test_unknown_quantities_of_an_expression_are_told_in_the_order_of_the_alphabet():
     found = [*expression_findings("exp(e)*b*d*a*c", (), ["x"])]
     assert ["".join(re.findall("`([a-e])`", finding.message)) for finding in found] == [*"abcde"]
+
+
+def test_a_dictionary_that_cannot_be_read_is_taken_for_one_without_memory():
+    context = SimpleNamespace(context=None)
+    for entry, remembered in (({"slow": {"of": ["x"], "tau": [1.0]}}, True), ({"slow": 1}, False)):
+        assert _given_memory([entry], context) is remembered
+
+
+def test_the_quantity_of_the_first_log_is_one_of_its_columns():
+    join = {"shift": "auto", "match": {"first": "zzzzz", "second": "y"}, "files": ["b"]}
+    join["columns"] = {name: {"column": name} for name in ("time", "y")}
+    columns = {name: {"column": name} for name in ("time", "f1", "p2", "d3", "b4", "a5")}
+    spec = ExperimentSpec.model_construct(data=Data(files=["a"], columns=columns, join=[join]))
+    (finding,) = clocks(spec)
+    assert finding.remedy.endswith("`a5`, `b4`, `d3`, `f1`, `p2`")
 
 
 def test_paths_in_settings_of_a_competitor_are_moved_with_the_spec(tmp_path):
