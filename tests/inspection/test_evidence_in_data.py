@@ -104,7 +104,7 @@ def test_a_pressure_at_a_tenth_from_an_end_of_its_range_is_not_in_the_middle():
 
 def test_no_rate_without_a_clock_that_goes_on():
     pressure = np.sin(T)
-    repeated = np.where(T == T[1000], T[999], T)
+    repeated = np.where(np.arange(len(T)) == 1000, T[999], T)
     assert settling([recording(time=repeated, pressure=pressure)]) is not None
     assert settling([recording(time=T, pressure=0 * T + 100)]) is None
     for time in (0 * T, np.where(T == 20, 0, T), np.where(T < 20, T, T + 100)[:1002]):
@@ -213,6 +213,13 @@ def test_a_spike_is_four_times_as_high_as_any_other_change(values, rows):
             record[place + 1 : place + 2] = record[place - 1]
     assert spikes(record).tolist() == rows
     assert not spikes(record[:29]).size
+
+
+@pytest.mark.parametrize(("top", "rows"), [(5.0, []), (5.1, [15])])
+def test_a_spike_in_a_valley_is_higher_than_four_steps_of_its_sides(top, rows):
+    valley = np.abs(np.arange(31.0) - 15)
+    valley[15] = top
+    assert spikes(valley).tolist() == rows
 
 
 def test_a_spike_is_a_quarter_of_the_range_and_seldom():

@@ -304,6 +304,18 @@ def test_boundaries_that_are_placed_in_one_of_two_inputs_need_samples():
     assert issue.message.startswith("a has 9 training samples: 5 segments of ")
 
 
+def test_a_short_curve_is_found_beside_a_long_one():
+    """With a constant and a slope, two samples are too few."""
+    parts = [{name: np.arange(size) + 0.0 for name in UNITS} for size in (9, 2)]
+    made = dataset_of(*parts, output="force")
+    leveled = tuple(replace(curve, level=float(place)) for place, curve in enumerate(made.curves))
+    made = replace(made, level="pressure", curves=leveled)
+    spec = {**BASE, "data": {**BASE["data"], "levels": {"of": "pressure"}}, "fit": {"max_terms": 2}}
+    subject = replace(subject_of(made=made), spec=ExperimentSpec.model_validate(spec))
+    (issue,) = fits.short_segments(subject)
+    assert issue.message == "b/all has 2 training samples: too few for 2 terms"
+
+
 def test_a_quantity_is_there_if_every_recording_has_it():
     subject = subject_of({"u": [1.0], "force": [1.0]}, {"u": [2.0]})
     assert (subject.has("u"), subject.has("force"), subject.has("u", "force")) == (

@@ -189,7 +189,7 @@ def recorded_twice(subject: Subject) -> Issues:
     known: dict[tuple[object, ...], Recording] = {}
     for recording in subject.kept:
         # only measured columns are compared, not the values that a spec sets for whole files
-        measured = sorted(recording.columns.keys() & subject.spec.data.columns)
+        measured = [name for name in subject.spec.data.columns if name in recording.columns]
         samples = (hash(even_share(recording.columns[name]).tobytes()) for name in measured)
         twin = known.setdefault((recording.rows_kept, *measured, *samples), recording)
         if twin is recording:

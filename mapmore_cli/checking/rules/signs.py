@@ -54,8 +54,8 @@ def _never_pulls(recording: Recording) -> bool:
     above = below = 0.0
     for (x,) in in_blocks(recording.columns["force"]):
         x = np.clip(x, *np.quantile(x, (LITTLE, 1 - LITTLE), method="nearest"))
-        above += float(np.sum(x[x > 0] ** 2))
-        below += float(np.sum(x[x < 0] ** 2))
+        above += float(np.sum(np.maximum(x, 0) ** 2))
+        below += float(np.sum(np.minimum(x, 0) ** 2))
     return above < PULL * (above + below)
 
 

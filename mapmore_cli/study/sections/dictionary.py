@@ -404,9 +404,10 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
     is_along = isinstance(family, AlongRange)
     if isinstance(family, AlongRange):
         yield (*loc, "of"), family.of, False
-    for place, text in enumerate(() if isinstance(family, AlongRange) else family.of):
-        if isinstance(text, str):
-            yield (*loc, "of", place), text, False
+    else:
+        for place, text in enumerate(family.of):
+            if isinstance(text, str):
+                yield (*loc, "of", place), text, False
     of_window = "change" if getattr(family, "window", None) else ""
     for place, text in enumerate(getattr(family, "partners", None) or ()):
         if not (is_along and text == of_window):
