@@ -267,3 +267,17 @@ def test_an_interrupt_of_the_user_is_no_fault_of_a_plugin():
         signal.raise_signal(signal.SIGINT)
     assert interrupts == [signal.SIGINT]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_extensions_are_in_the_order_of_their_names(monkeypatch):
+    points = {name: (name, ord(name)) for name in "edbca"}
+    monkeypatch.setattr(plugins, "entry_points", lambda _group: points)
+    monkeypatch.setattr(plugins, "load", lambda _group, name: ord(name))
+    assert [added.name for added in plugins.parts("letters", int)] == [*"abcde"]
+
+
+def test_without_other_packages_the_parts_of_mapmore_remain(monkeypatch):
+    monkeypatch.setenv(plugins.NONE_OF_OTHERS, "1")
+    points = plugins._installed.__wrapped__()
+    assert {point.module.partition(".")[0] for point in points} == {"mapmore_cli"}
+    assert {"mapmore.kinds", "mapmore.commands"} <= {point.group for point in points}
