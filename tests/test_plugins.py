@@ -269,6 +269,13 @@ def test_an_interrupt_of_the_user_is_no_fault_of_a_plugin():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+def test_what_a_plug_in_prints_is_written_to_stderr_at_once(capfd):
+    with plugins.printing_to_stderr():
+        assert sys.stdout.writable()
+        sys.stdout.write("told")
+        assert capfd.readouterr() == ("", "told")
+
+
 def test_extensions_are_in_the_order_of_their_names(monkeypatch):
     points = {name: (name, ord(name)) for name in "edbca"}
     monkeypatch.setattr(plugins, "entry_points", lambda _group: points)

@@ -41,7 +41,7 @@ WAVES = [np.sin(speed * T) for speed in (3.0, 4.1, 5.7, 7.9, 9.3)]
         ("strain_pct|contraction [%]", "strain", "%"),
         ("contraction_frac", "strain", "1"),
         ("F", "force", None),
-        ("force_N_total", "force", "N"),
+        ("force_N_total|raw_force_N", "force", "N"),
         ("Load (kN)", "load", "kN"),
         ("position_mm", "displacement", "mm"),
         ("temperature||42|y_V|value [Pa]", None, None),

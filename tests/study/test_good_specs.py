@@ -14,6 +14,7 @@ from spec_examples import (
     LOGS,
     MEASURED,
     MOTION,
+    MOVING,
     SHIPPED,
     STATIC,
     assert_says,
@@ -192,6 +193,11 @@ def test_the_resolved_text_has_the_defaults_and_no_empty_keys(tmp_path):
     text = load_text(tmp_path, FORCE).resolved
     assert yaml.safe_load(text)["fuse"]["z_s"] == 0.25
     assert "null" not in text
+
+
+@pytest.mark.parametrize(("text", "over_time"), [(MOTION, True), (FORCE, False), (MOVING, True)])
+def test_a_model_runs_over_time_if_it_has_memory_or_is_of_motion(tmp_path, text, over_time):
+    assert load_text(tmp_path, text).spec.runs_over_time is over_time
 
 
 def test_the_damping_example(tmp_path):

@@ -35,7 +35,7 @@ class OperatorFamily(Section):
     def _contradictions(self) -> Sequence[Row]:
         keys = [key for key in type(self).model_fields if getattr(self, key) is not None]
         either = f"give either {quoted(keys[1:], ' or ')}"
-        return [(len(keys) > 2, either, "remove one of them", *keys[:0:-1])]
+        return [(len(keys) > 2, either, "remove one of them", keys[-1])]
 
 
 def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:

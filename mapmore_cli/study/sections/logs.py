@@ -232,7 +232,7 @@ class SourceColumn(Section):
                 "remove `unit`",
                 "unit",
             ),
-            *((True, *fault, "format") for fault in faults[:1]),
+            *((True, *fault, "format") for fault in faults),
         ]
 
     def _fault_of(self, text: str) -> tuple[str, str] | None:

@@ -44,8 +44,8 @@ def test_terms_of_several_entries_occur_once_and_partners_are_among_them():
     with pytest.raises(SpecError, match="`z` of `with` is not one of the terms"):
         terms_of([entry(products={"of": ["x"], "order": 2, "with": ["z"]})])
     assert bounds_of([entry(**polynomial("x"))]) == {}
-    signs = {"1": (0, inf), "x": (0, inf)}
-    assert bounds_of([entry(**polynomial("x"), sign="positive")]) == signs
+    for sign, limits in (("positive", (0, inf)), ("negative", (-inf, 0))):
+        assert bounds_of([entry(**polynomial("x"), sign=sign)]) == {"1": limits, "x": limits}
 
 
 @pytest.mark.parametrize(("of", "most"), [(["x"], 2), (["x", "y", "z"], 3), ([], 3)])
