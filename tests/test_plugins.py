@@ -1,6 +1,7 @@
 """Somebody else's package: the template adds its parts, and a broken one harms nothing."""
 
 import json
+import os
 import re
 import shutil
 import signal
@@ -9,6 +10,7 @@ import sys
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -274,13 +276,18 @@ def test_what_a_plug_in_prints_is_written_to_stderr_at_once(capfd):
         assert sys.stdout.writable()
         sys.stdout.write("told")
         assert capfd.readouterr() == ("", "told")
+        os.write(1, b"by a child")
+        assert capfd.readouterr() == ("", "by a child")
+    os.write(1, b"a result")
+    assert capfd.readouterr() == ("a result", "")
 
 
 def test_extensions_are_in_the_order_of_their_names(monkeypatch):
     points = {name: (name, ord(name)) for name in "edbca"}
     monkeypatch.setattr(plugins, "entry_points", lambda _group: points)
-    monkeypatch.setattr(plugins, "load", lambda _group, name: ord(name))
-    assert [added.name for added in plugins.parts("letters", int)] == [*"abcde"]
+    monkeypatch.setattr(plugins, "load", lambda _group, name: SimpleNamespace(LETTER=ord(name)))
+    found = [(added.name, added.value) for added in plugins.parts("letters", int)]
+    assert found == [(name, ord(name)) for name in "abcde"]
 
 
 def test_without_other_packages_the_parts_of_mapmore_remain(monkeypatch):

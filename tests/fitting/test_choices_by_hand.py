@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from mapmore_cli.fitting import baselines
 from mapmore_cli.fitting.kinds.choices import (
@@ -17,7 +18,7 @@ from mapmore_cli.fitting.kinds.choices import (
 )
 from mapmore_cli.fitting.kinds.dictionary import signal_of
 from mapmore_cli.fitting.kinds.pieces import recipe_of
-from mapmore_cli.modelling.literature.own import formula_of
+from mapmore_cli.modelling.literature.own import formula_of, is_family
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.data import Direction, Levels, Rate
@@ -102,6 +103,13 @@ def test_definitions_take_the_place_of_the_names_of_own_formulas():
     assert [part.formula for part in fourth.sum] == [text, "sarosi"]
     plain = spec_of()
     assert with_definitions(plain) is plain
+
+
+def test_a_family_has_a_formula_of_its_own():
+    family = {"family": {"of": "pressure"}}
+    assert is_family(with_definitions(spec_of(dictionary=[], model=family)).model.name)
+    with pytest.raises(ValidationError, match="own formula"):
+        spec_of(dictionary=[], model={**family, "name": "sarosi"})
 
 
 @pytest.mark.parametrize(

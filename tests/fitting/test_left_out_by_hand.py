@@ -57,6 +57,14 @@ def test_every_recording_is_predicted_by_the_others():
     assert steps == [("recordings left out", number, 3) for number in (1, 2, 3)]
 
 
+def test_blocks_of_two_recordings_are_predicted_by_the_others():
+    dataset = recordings([1, 3, 5, 7, 9], [1, 3, 5, 7, 9])
+    own = residuals(CHOICES, dataset, {}, lambda *_: None, refit(CHOICES, dataset))
+    assert (own.kind, own.samples.tolist()) == ("blocks", [2, 2, 2])
+    # without 3, the mean of the others is 5.5; without 5 it is 5; without 7 it is 4.5
+    assert own.offset == pytest.approx([-2.5, 0, 2.5])
+
+
 @pytest.mark.parametrize(
     ("predictions", "share"),
     [

@@ -386,8 +386,9 @@ def test_no_gauge_shows_less_than_a_vacuum():
 )
 def test_a_number_far_from_all_others_stands_for_a_missing_value(fill, count, told):
     values = np.append(np.linspace(0, 1, 100 - count), [fill] * count)
-    issues = found(odd_values.fill_values, {"force": values, "time": values})
-    assert issues == [("warning", "fill-value", "data.columns.force")] * told
+    for size in (1.0, 0.01):
+        issues = found(odd_values.fill_values, {"force": size * values, "time": values})
+        assert issues == [("warning", "fill-value", "data.columns.force")] * told
     two_values = np.append(np.zeros(90), np.ones(10))  # a valve
     step = np.append(np.zeros(5), np.linspace(99, 101, 95))
     for values in (two_values, step):

@@ -146,6 +146,7 @@ samples: 200}                         samples: 0x20}
             "segment: {pressure: none, strain: {method: even, count: 1}}",
         ),
         ("segment:\n  strain: {method: even, count: 4}", "segment: {pressure: levels}"),
+        ("tolerance: 1.0e-4", "loss: huber"),
         ("- polynomial", "- bounds: [2, 2]\n    polynomial"),  # a coefficient that is known
     ],
 )

@@ -119,6 +119,8 @@ LOG = {"files": ["a"], "columns": {"x": {"column": "x"}, "y": {"column": "y"}}}
         (Logs, {**LOG, "files": ["a", {"path": "b", "sheet": "S"}]}, "files"),
         (Logs, {**LOG, "reader": "tdms", "columns": {**LOG["columns"], "z": {"column": 0}}}, None),
         (Logs, {**LOG, "columns": {**LOG["columns"], "z": {"column": "z", "rest": 1.0}}}, None),
+        (Competitor, {"sum": [{"formula": "sarosi"}]}, "sum"),
+        (Competitor, {"sum": [{"model": "a.yaml"}], "as": "b"}, "sum"),
         (campaigns.Campaign, {"campaign": "c", "runs": [{"base": "b.yaml"}, {"name": "n"}]}, None),
     ],
 )
@@ -127,6 +129,12 @@ def test_a_single_wrong_part_among_others_is_refused(section, settings, near):
         section.model_validate(settings)
     (error,) = found.value.errors()
     assert near is None or near in error["ctx"]["error"].near
+
+
+def test_levels_do_not_overlap():
+    assert Levels(of="p", at=[1.0, 3.0], within=1.0).within == 1
+    with pytest.raises(ValidationError, match="levels overlap: they are 2 apart"):
+        Levels(of="p", at=[1.0, 3.0], within=1.1)
 
 
 def test_a_level_that_is_given_twice_is_named():
