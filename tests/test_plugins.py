@@ -282,6 +282,17 @@ def test_what_a_plug_in_prints_is_written_to_stderr_at_once(capfd):
     assert capfd.readouterr() == ("a result", "")
 
 
+def test_a_fault_is_blamed_on_the_plug_in_whose_function_took_part(monkeypatch):
+    points = (SimpleNamespace(module="theirs.part"), SimpleNamespace(module="mapmore_cli.part"))
+    monkeypatch.setattr(plugins, "_installed", lambda: points)
+    for module, blamed in (("theirs.other", "theirs"), ("mapmore_cli.x", None), ("numpy", None)):
+        names = {"__name__": module}
+        exec("def work(): raise ValueError", names)
+        with pytest.raises(ValueError) as caught:
+            names["work"]()
+        assert plugins.blamed(caught.value) == blamed
+
+
 def test_extensions_are_in_the_order_of_their_names(monkeypatch):
     points = {name: (name, ord(name)) for name in "edbca"}
     monkeypatch.setattr(plugins, "entry_points", lambda _group: points)

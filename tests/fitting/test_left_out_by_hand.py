@@ -13,13 +13,22 @@ from common import curve_of, dataset_of
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Grouping
 from mapmore_cli.domain.results import Forecast
+from mapmore_cli.fitting import left_out as fitting
 from mapmore_cli.fitting.competitors import Contest
 from mapmore_cli.fitting.groups import regrouped
 from mapmore_cli.fitting.kinds import Given, fit, refit
 from mapmore_cli.fitting.kinds.choices import model_choices
 from mapmore_cli.fitting.kinds.memory import _asked
 from mapmore_cli.fitting.kinds.pieces import segmented
-from mapmore_cli.fitting.left_out import left_out, parts_of, residuals, share_beyond, trained_on
+from mapmore_cli.fitting.left_out import (
+    _scored,
+    choices_by_fold,
+    left_out,
+    parts_of,
+    residuals,
+    share_beyond,
+    trained_on,
+)
 from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.expressions.operators.lags import spread_times
 from mapmore_cli.modelling.literature.own import FamilySettings
@@ -127,6 +136,32 @@ def test_a_rival_is_compared_by_its_forecasts_of_left_out_groups_if_no_fit_fails
     assert said["mapmore"][0].values == pytest.approx([2, 2, 1, 1])
     assert said["rival"][0].values.tolist() == [1, 1, 2, 2]
     assert warnings == ["slow"] * 2
+
+
+def test_more_than_twelve_folds_share_searches_without_their_samples(monkeypatch):
+    dataset, searched = recordings(*([float(k)] * 2 for k in range(14))), []
+
+    def again(rest):
+        searched.append([k for k, curve in enumerate(rest.curves) if not curve.training.any()])
+        return replace(CHOICES, name="found", intervals=True)
+
+    monkeypatch.setattr(fitting, "_searching_again", lambda _run_dir: again)
+    folds = [tuple(np.full(2, place == k) for place in range(14)) for k in range(14)]
+    made_by = choices_by_fold(Path(), CHOICES, dataset, folds)
+    made = [made_by(number) for number in range(14)]
+    assert searched == [[0, 12], [1, 13], *([k] for k in range(2, 12))]
+    assert {(each.name, each.intervals) for each in made} == {("mean", True)}
+    assert choices_by_fold(None, CHOICES, dataset, folds)(0) is CHOICES
+
+
+@pytest.mark.parametrize("grouping", [None, Grouping("y", "x", offset=True)])
+def test_a_sample_is_scored_as_its_fold_corrects_it(grouping):
+    dataset = replace(recordings([1, 2, 3]), grouping=grouping)
+    folds = [(np.arange(3) < 2,), (np.arange(3) == 2,)]
+    scored = _scored(dataset, [recordings([4, 5, 6]), recordings([7, 8, 9])], folds)
+    (curve,) = scored.curves
+    assert curve.columns["y"].tolist() == ([1, 2, 3] if grouping is None else [4, 5, 9])
+    assert curve.held_out.all()
 
 
 def of_groups(*groups, turned=()):

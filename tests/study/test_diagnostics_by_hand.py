@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from mapmore_cli.domain.errors import SpecError
+from mapmore_cli.domain.errors import DataError, MapmoreError, RunWarning, SpecError, explained
 from mapmore_cli.study.diagnostics import (
     Mistake,
     _unknown_key,
@@ -112,3 +112,33 @@ def test_a_value_is_described_by_its_type_and_its_beginning(value, words):
 )
 def test_parts_whose_removal_would_cause_other_mistakes(loc, echoes):
     assert _echoes(loc) == echoes
+
+
+def test_a_warning_about_another_run_names_this_run_once():
+    warning = RunWarning.of("inner", "odd")
+    assert (warning, warning.run, warning.message) == ("inner: odd", "inner", "odd")
+    assert RunWarning.of("outer", warning) is warning
+
+
+def caused(error, cause):
+    error.__cause__ = cause
+    return error
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "words"),
+    [
+        (MemoryError(), MapmoreError, "not enough memory"),
+        (OSError(12, "Cannot allocate memory"), MapmoreError, "not enough memory"),
+        (PermissionError(13, "no", "a.csv"), DataError, "a.csv: cannot be read"),
+        (OSError(36, "File name too long", 200 * "b"), DataError, f"{100 * 'b'}...: file name"),
+        (OSError(36, "File name too long", 199 * "b"), DataError, f"{199 * 'b'}: file name"),
+        (PermissionError(13, "no"), PermissionError, "no"),
+        (caused(SystemError(), KeyboardInterrupt("stop")), KeyboardInterrupt, "stop"),
+        (caused(SystemError("odd"), ValueError()), SystemError, "odd"),
+    ],
+)
+def test_faults_of_the_system_are_explained_to_the_user(error, kind, words):
+    found = explained(error)
+    assert type(found) is kind
+    assert words in str(found)

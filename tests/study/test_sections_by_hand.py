@@ -23,6 +23,7 @@ from mapmore_cli.study.sections.dictionary import (
 from mapmore_cli.study.sections.logs import Logs, SourceColumn
 from mapmore_cli.study.sections.model import OwnFormula
 from mapmore_cli.study.sections.results import Competitor
+from mapmore_cli.study.sections.split import Apart, Groups, Split
 
 
 def test_a_clock_in_parts_has_stamps_and_numbers_with_units():
@@ -129,6 +130,18 @@ def test_a_single_wrong_part_among_others_is_refused(section, settings, near):
         section.model_validate(settings)
     (error,) = found.value.errors()
     assert near is None or near in error["ctx"]["error"].near
+
+
+@pytest.mark.parametrize("level", [False, True])
+@pytest.mark.parametrize("group", [False, True])
+def test_either_of_two_settings_is_enough(level, group):
+    split = Split.model_construct(leave_one_level_out=level, leave_one_group_out=group)
+    assert split.leaves_out is (level or group)
+    assert Groups(of="g", offset=level, gain=group).has_effects is (level or group)
+
+
+def test_a_single_quantity_may_divide_a_file_into_recordings():
+    assert (Apart(of="a").quantities, Apart(of=["a", "b"]).quantities) == (["a"], ["a", "b"])
 
 
 def test_levels_do_not_overlap():

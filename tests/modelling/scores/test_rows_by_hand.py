@@ -63,6 +63,21 @@ def test_the_correlation_without_means_is_a_cosine():
     assert Compared(lambda: [block], Normaliser("", 1.0)).correlation == pytest.approx(0.8)
 
 
+def test_numbers_of_all_blocks_are_taken_together():
+    """Of errors 1, -2, nothing, and 6, whose uncertainties are 1, 2, 1 and 3."""
+    parts = np.array([1.0, -2.0]), np.array([math.nan, 6.0])
+    sigmas = np.array([1.0, 2.0]), np.array([1.0, 3.0])
+    zero = np.zeros(2)
+    blocks = [
+        SampleBlock(zero, zero, error, zero, zero, sigma)
+        for error, sigma in zip(parts, sigmas, strict=True)
+    ]
+    compared = Compared(lambda: blocks, Normaliser("", 1.0))
+    assert compared.median(lambda block: block.error) == 1
+    assert Compared(lambda: blocks[:1], Normaliser("", 1.0)).chi2 == 2
+    assert math.isnan(compared.median(lambda block: math.nan * block.sigma))
+
+
 def test_each_output_has_its_own_fit():
     one, other = FitResult(None), FitResult(None)
     assert FitResult(OutputsFit({"x": one, "y": other})).each == (one, other)
