@@ -22,6 +22,8 @@ from mapmore_cli.fitting.kinds.memory import _asked
 from mapmore_cli.fitting.kinds.pieces import segmented
 from mapmore_cli.fitting.left_out import (
     _scored,
+    _summand_without,
+    _training_residuals,
     choices_by_fold,
     left_out,
     parts_of,
@@ -31,10 +33,12 @@ from mapmore_cli.fitting.left_out import (
 )
 from mapmore_cli.fitting.refitting import left_out_of
 from mapmore_cli.modelling.expressions.operators.lags import spread_times
+from mapmore_cli.modelling.forecast import forecast
 from mapmore_cli.modelling.literature.own import FamilySettings
 from mapmore_cli.storage.artefacts import write_dataset
 from mapmore_cli.storage.run_folder import DATASET, RunFiles
 from mapmore_cli.study.experiment import ExperimentSpec
+from mapmore_cli.study.yaml_dumper import dump
 
 SPEC = {
     "name": "mean",
@@ -162,6 +166,29 @@ def test_a_sample_is_scored_as_its_fold_corrects_it(grouping):
     (curve,) = scored.curves
     assert curve.columns["y"].tolist() == ([1, 2, 3] if grouping is None else [4, 5, 9])
     assert curve.held_out.all()
+
+
+def test_residuals_are_those_of_training_curves_at_levels_that_train():
+    dataset = recordings([1, 3], [4, 4], [9, 9])
+    at_levels = [replace(c, level=float(k)) for k, c in enumerate(dataset.curves)]
+    at_levels[2] = replace(at_levels[2], held_out=np.ones(2, dtype=bool))
+    dataset = replace(dataset, curves=tuple(at_levels))
+    model = refit(CHOICES, replace(dataset, curves=dataset.curves[:2]))
+    found = _training_residuals(dataset, model, 1.0)
+    assert {level: [log.tolist() for log in logs] for level, logs in found.items()} == {
+        0: [pytest.approx([-2, 0])]
+    }
+
+
+def test_a_summand_is_fitted_without_the_recordings_that_are_left_out(tmp_path):
+    of_summand = recordings([1, 1], [5, 5], [3, 3])
+    write_dataset(tmp_path / DATASET, of_summand)
+    (tmp_path / "experiment.yaml").write_text(dump(SPEC))
+    fold = recordings([0, 0], [0, 0], [0, 0])
+    out = replace(fold.curves[1], held_out=np.ones(2, dtype=bool))
+    fold = replace(fold, curves=(fold.curves[0], out, fold.curves[2]))
+    model = _summand_without(tmp_path, fold)
+    assert forecast(model, of_summand.curves[1]).values == pytest.approx([2, 2])
 
 
 def of_groups(*groups, turned=()):

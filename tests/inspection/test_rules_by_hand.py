@@ -144,8 +144,9 @@ def test_rules_say_nothing_without_the_quantities_that_they_look_at():
     assert found(samples.still_cycles, {"u": 0 * u}, **CYCLES) == []
     constant = subject_of({"u": u, "force": 0 * u}, {"u": u, "force": 0 * u})
     assert unequal(constant.recordings, ["u"], "force") is None
-    ratio = subject_of({"pressure_b": u}, units={"pressure_b": "1", "u": "1"})
-    assert [odd_values._vacuum(ratio, name) for name in ("pressure_b", "u")] == [None, None]
+    given = {"pressure_a": "kPa", "pressure_b": "1", "u": "kPa"}
+    subject = subject_of({"pressure_b": u}, units=given)
+    assert [odd_values._vacuum(subject, name) for name in given] == [-101.4, None, None]
 
 
 CYCLES = {"cycles": {"over": "strain"}}
@@ -166,12 +167,13 @@ CYCLES = {"cycles": {"over": "strain"}}
 def test_cycles_of_what_is_held(spans, issue):
     """Two recordings about 0 and about 1, which move by so much; None is noise."""
     ramp, noise = np.linspace(0, 1, 40), np.tile(np.repeat([0.0, 0.9], 3), 7)
-    recordings = [
-        {"strain": place + (noise if span is None else span * ramp)}
-        for place, span in zip((0, 1 - (spans[1] or 0.9)), spans, strict=True)
-    ]
-    issues = found(samples.still_cycles, *recordings, **CYCLES)
-    assert issues == ([] if issue is None else [(issue, "cycles-of-nothing", "data.cycles")])
+    for size in (1, 10):
+        recordings = [
+            {"strain": size * (place + (noise if span is None else span * ramp))}
+            for place, span in zip((0, 1 - (spans[1] or 0.9)), spans, strict=True)
+        ]
+        issues = found(samples.still_cycles, *recordings, **CYCLES)
+        assert issues == ([] if issue is None else [(issue, "cycles-of-nothing", "data.cycles")])
 
 
 @pytest.mark.parametrize(

@@ -121,6 +121,8 @@ LOG = {"files": ["a"], "columns": {"x": {"column": "x"}, "y": {"column": "y"}}}
         (Logs, {**LOG, "reader": "tdms", "columns": {**LOG["columns"], "z": {"column": 0}}}, None),
         (Logs, {**LOG, "columns": {**LOG["columns"], "z": {"column": "z", "rest": 1.0}}}, None),
         (Competitor, {"sum": [{"formula": "sarosi"}]}, "sum"),
+        (Competitor, {"set": {"fit.max_terms": 1}, "as": "b", "levels": "nominal"}, None),
+        (Competitor, {"model": "a.h5", "as": "b", "levels": "nominal"}, None),
         (Competitor, {"sum": [{"model": "a.yaml"}], "as": "b"}, "sum"),
         (campaigns.Campaign, {"campaign": "c", "runs": [{"base": "b.yaml"}, {"name": "n"}]}, None),
     ],

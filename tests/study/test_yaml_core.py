@@ -188,6 +188,7 @@ def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place, slip):
         ("name: [a\nb: c\n", ["spec.yaml:2:2", "bracket"]),
         ('name: "a\n', ["not valid YAML"]),
         ("name: a\n---\nname: b\n", ["spec.yaml:2:1", "one file holds one spec"]),
+        ('name: a\nmuscle: "\\U00110000"\n', ["spec.yaml:2:10", "not a Unicode character"]),
         ("name: *nowhere\n", ["spec.yaml:1:7", "&name"]),
         ("1: x\n", ["spec.yaml:1:1: `1` is not text", "quote it"]),
         ("{[a]: x}\n", ["spec.yaml:1:2", "this key is not text"]),

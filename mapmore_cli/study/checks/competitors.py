@@ -77,7 +77,7 @@ def formulas(spec: ExperimentSpec) -> Iterator[Finding]:
     for loc, rival in rivals_of(spec):
         if rival.model in (*SIMPLE, *LEARNERS):
             yield from _other_rival(spec, rival.model, rival, loc)
-        elif not rival.is_file:
+        elif rival.as_ is None or not rival.is_file:
             uses += [((*loc, "model"), rival.model)]
         uses += [((*loc, "static"), None if rival.static == OWN else rival.static)]
         uses += [((*loc, "damping"), rival.damping)]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mapmore_cli.domain.compared import Compared, Normaliser, SampleBlock
+from mapmore_cli.domain.compared import Compared, Normaliser, SampleBlock, ratio
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.results import FitResult, Forecast, OutputsFit, ResidualTest, Validation
 from mapmore_cli.domain.scores import (
@@ -85,6 +85,8 @@ def test_each_output_has_its_own_fit():
 
 
 def test_an_error_is_no_fraction_of_nothing():
+    assert ratio(1.0, 0.5) == 2
+    assert math.isnan(ratio(1.0, 0.0))
     assert Normaliser("", 2.0).fraction(1.0) == 0.5
     assert math.isnan(Normaliser("", 0.0).fraction(1.0))
 
