@@ -318,6 +318,22 @@ def test_a_short_curve_is_found_beside_a_long_one():
     assert issue.message == "b/all has 2 training samples: too few for 2 terms"
 
 
+@pytest.mark.parametrize(("slope", "told"), [(-1.0, True), (1.0, False)])
+def test_a_shape_along_the_levels_is_compared_with_the_data(slope, told):
+    strain = np.linspace(0, 1, 20)
+    parts = [
+        {"pressure": np.full(20, level), "strain": strain, "force": 9 + slope * level - strain}
+        for level in (1.0, 2.0, 3.0)
+    ]
+    made = dataset_of(*parts, output="force")
+    leveled = tuple(replace(c, level=float(k)) for k, c in enumerate(made.curves, start=1))
+    made = replace(made, level="pressure", curves=leveled)
+    data = {**BASE["data"], "levels": {"of": "pressure"}}
+    settings = {**BASE, "data": data, "fit": {"shape": {"pressure": "increasing"}}}
+    subject = replace(subject_of(made=made), spec=ExperimentSpec.model_validate(settings))
+    assert [issue.id for issue in fits.contradicted_shape(subject)] == ["shape"] * told
+
+
 def test_a_quantity_is_there_if_every_recording_has_it():
     subject = subject_of({"u": [1.0], "force": [1.0]}, {"u": [2.0]})
     assert (subject.has("u"), subject.has("force"), subject.has("u", "force")) == (
