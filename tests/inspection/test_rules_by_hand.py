@@ -334,6 +334,23 @@ def test_a_shape_along_the_levels_is_compared_with_the_data(slope, told):
     assert [issue.id for issue in fits.contradicted_shape(subject)] == ["shape"] * told
 
 
+@pytest.mark.parametrize(("level", "told"), [("pressure", False), (None, True)])
+def test_a_shape_is_compared_at_equal_levels(level, told):
+    """At each pressure the force falls with the strain, and from one to the next both rise."""
+    parts = [
+        {"strain": np.linspace(0, 1, 20) + at, "force": 10 * at - np.linspace(0, 1, 20)}
+        for at in (1.0, 2.0, 3.0)
+    ]
+    parts = [{"pressure": np.full(20, k + 1.0), **columns} for k, columns in enumerate(parts)]
+    made = dataset_of(*parts, output="force")
+    leveled = tuple(replace(c, level=k + 1.0) for k, c in enumerate(made.curves))
+    made = replace(made, level=level, curves=leveled if level else made.curves)
+    data = {**BASE["data"], **({"levels": {"of": level}} if level else {})}
+    settings = {**BASE, "data": data, "fit": {"shape": {"strain": "decreasing"}}}
+    subject = replace(subject_of(made=made), spec=ExperimentSpec.model_validate(settings))
+    assert [issue.id for issue in fits.contradicted_shape(subject)] == ["shape"] * told
+
+
 def test_a_quantity_is_there_if_every_recording_has_it():
     subject = subject_of({"u": [1.0], "force": [1.0]}, {"u": [2.0]})
     assert (subject.has("u"), subject.has("force"), subject.has("u", "force")) == (
