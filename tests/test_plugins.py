@@ -1,6 +1,7 @@
 """Somebody else's package: the template adds its parts, and a broken one harms nothing."""
 
 import json
+import os
 import re
 import shutil
 import signal
@@ -9,6 +10,7 @@ import sys
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -267,3 +269,40 @@ def test_an_interrupt_of_the_user_is_no_fault_of_a_plugin():
         signal.raise_signal(signal.SIGINT)
     assert interrupts == [signal.SIGINT]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_what_a_plug_in_prints_is_written_to_stderr_at_once(capfd):
+    with plugins.printing_to_stderr():
+        assert sys.stdout.writable()
+        sys.stdout.write("told")
+        assert capfd.readouterr() == ("", "told")
+        os.write(1, b"by a child")
+        assert capfd.readouterr() == ("", "by a child")
+    os.write(1, b"a result")
+    assert capfd.readouterr() == ("a result", "")
+
+
+def test_a_fault_is_blamed_on_the_plug_in_whose_function_took_part(monkeypatch):
+    points = (SimpleNamespace(module="theirs.part"), SimpleNamespace(module="mapmore_cli.part"))
+    monkeypatch.setattr(plugins, "_installed", lambda: points)
+    for module, blamed in (("theirs.other", "theirs"), ("mapmore_cli.x", None), ("numpy", None)):
+        names = {"__name__": module}
+        exec("def work(): raise LookupError", names)
+        with pytest.raises(LookupError) as caught:
+            names["work"]()
+        assert plugins.blamed(caught.value) == blamed
+
+
+def test_extensions_are_in_the_order_of_their_names(monkeypatch):
+    points = {name: (name, ord(name)) for name in "edbca"}
+    monkeypatch.setattr(plugins, "entry_points", lambda _group: points)
+    monkeypatch.setattr(plugins, "load", lambda _group, name: SimpleNamespace(LETTER=ord(name)))
+    found = [(added.name, added.value) for added in plugins.parts("letters", int)]
+    assert found == [(name, ord(name)) for name in "abcde"]
+
+
+def test_without_other_packages_the_parts_of_mapmore_remain(monkeypatch):
+    monkeypatch.setenv(plugins.NONE_OF_OTHERS, "1")
+    points = plugins._installed.__wrapped__()
+    assert {point.module.partition(".")[0] for point in points} == {"mapmore_cli"}
+    assert {"mapmore.kinds", "mapmore.commands"} <= {point.group for point in points}

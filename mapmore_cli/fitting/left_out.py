@@ -332,7 +332,7 @@ def parts_of(dataset: Dataset, choices: ModelChoices) -> tuple[LeftOutKind, int,
             for name in (names if level is None else names[1:-1])
         }
         return "recordings" if level is None else "levels", len(names), masks
-    timed = all("time" in curve.columns for curve in curves)
+    timed = "time" in curves[0].columns
     along = "time" if timed else in_curve(curves, tuple(choices.segment), dataset.target, level)
     blocks = {
         f"block {number + 1} of {BLOCKS}": tuple(block(curve, along, number) for curve in curves)

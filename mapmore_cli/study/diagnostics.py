@@ -202,7 +202,7 @@ def explain(error: ValidationError, root: Node, keys_at: KeysAt) -> list[Mistake
     misspelt, pydantic finds two faults: an unknown key and a missing key. Only the first is
     returned.
     """
-    errors = error.errors(include_url=False)[:MOST_ERRORS]
+    errors = error.errors()[:MOST_ERRORS]
     unknown = [_split(details["loc"], root)[0] for details in errors if details["type"] in _UNKNOWN]
     meant = {
         (loc[:-1], tuple(get_close_matches(str(loc[-1]), keys_at(loc[:-1]), n=1)))
@@ -223,7 +223,7 @@ def lost(error: ValidationError, root: Node, keys_at: KeysAt) -> Iterator[tuple[
     Usually, both paths are equal. An unknown key, however, may be a misspelt one: its second path
     is that of a similar key that the section lacks, or None if there is no such key.
     """
-    for details in error.errors(include_url=False):
+    for details in error.errors():
         loc, _ = _split(details["loc"], root)
         meant: Loc | None = loc
         if details["type"] in _UNKNOWN:

@@ -66,7 +66,7 @@ def _told(section: JsonSchemaValue, of: type) -> JsonSchemaValue:
         unit = _unit_within(value)
         if key in said_of:
             _, own_unit, value["description"], example = said_of[key].groups()
-            node = parse(SourceText("an example", Path(), example or "", numbered=False), [])
+            node = parse(SourceText("an example", Path(), example or ""), [])
             # copies of the values as plain JSON, without the places at which they are written
             value["examples"] = json.loads(json.dumps([written(node)]))
             unit = own_unit or unit

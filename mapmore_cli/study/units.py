@@ -364,7 +364,7 @@ def unit_of_file(text: str, like: str) -> str | None:
 def can_convert(unit: str, other: str) -> bool:
     """Return True if two units have the same dimension."""
     with suppress(SpecError):
-        convert(1.0, unit, other)
+        convert(0.0, unit, other)
         return True
     return False
 
@@ -436,8 +436,8 @@ def _without_zero(unit: Unit) -> Unit:
     """Return pint's unit for differences of values. For a unit whose zero is not the natural zero,
     such as degC, pint has a separate unit of differences.
     """
-    quantity = _registry().Quantity
-    width: Unit = (quantity(1.0, unit) - quantity(0.0, unit)).units
+    zero = _registry().Quantity(0.0, unit)
+    width: Unit = (zero - zero).units
     return width
 
 

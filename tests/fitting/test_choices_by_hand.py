@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from mapmore_cli.fitting import baselines
 from mapmore_cli.fitting.kinds.choices import (
+    by_trial,
     fit_choices,
     lengths_of,
     level_of,
@@ -16,7 +18,7 @@ from mapmore_cli.fitting.kinds.choices import (
 )
 from mapmore_cli.fitting.kinds.dictionary import signal_of
 from mapmore_cli.fitting.kinds.pieces import recipe_of
-from mapmore_cli.modelling.literature.own import formula_of
+from mapmore_cli.modelling.literature.own import formula_of, is_family
 from mapmore_cli.modelling.pieces.recipe import Fuse
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.data import Direction, Levels, Rate
@@ -54,6 +56,13 @@ def test_curves_are_interpolated_between_levels_unless_they_are_pooled(of, segme
     recipe = recipe_of("force", part)
     assert (recipe.level, recipe.pooled) == (level, None if level else of)
     assert recipe_of("force", replace(part, levels=None)).pooled is None
+
+
+@pytest.mark.parametrize(("method", "tried"), [("optimal", True), ("gradient", False)])
+def test_boundaries_are_found_by_trial_if_those_of_one_input_are_optimal(method, tried):
+    cuts = {name: {"method": "even", "count": 2} for name in ("strain", "force")}
+    segment = {**cuts, "force": {"method": method, "count": 2}, "pressure": "none"}
+    assert by_trial(spec_of(target={"column": "pressure"}, segment=segment).segment) is tried
 
 
 def test_a_fit_depends_on_the_fusion_only_if_it_chooses_a_backbone():
@@ -94,6 +103,13 @@ def test_definitions_take_the_place_of_the_names_of_own_formulas():
     assert [part.formula for part in fourth.sum] == [text, "sarosi"]
     plain = spec_of()
     assert with_definitions(plain) is plain
+
+
+def test_a_family_has_a_formula_of_its_own():
+    family = {"family": {"of": "pressure"}}
+    assert is_family(with_definitions(spec_of(dictionary=[], model=family)).model.name)
+    with pytest.raises(ValidationError, match="own formula"):
+        spec_of(dictionary=[], model={**family, "name": "sarosi"})
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,15 @@ def test_effects_do_not_depend_on_held_out_outputs_and_move_with_the_target():
     assert sum(equal.values()) == pytest.approx(0, abs=1e-9)
 
 
+def test_inputs_are_those_that_vary_within_a_group():
+    """In the first group only, and in none."""
+    group = np.repeat([1.0, 2.0], 50)
+    x = np.where(group == 1, np.tile(np.linspace(-1, 1, 50), 2), 0.5)
+    y = 3 * x + np.where(group == 1, 1.0, -1.0)
+    found = effects(y, group=group, x=x, columns={"size": 2 * group}, offset=True)
+    assert found.offsets == pytest.approx({1: 1, 2: -1})
+
+
 def test_another_output_is_not_an_input_of_the_groups():
     y = of_groups(0.1)
     with_other = effects(y, columns={"z": 2 * y}, gain=True, outputs=("y", "z"))

@@ -104,6 +104,8 @@ def test_a_pressure_at_a_tenth_from_an_end_of_its_range_is_not_in_the_middle():
 
 def test_no_rate_without_a_clock_that_goes_on():
     pressure = np.sin(T)
+    repeated = np.where(np.arange(len(T)) == 1000, T[999], T)
+    assert settling([recording(time=repeated, pressure=pressure)]) is not None
     assert settling([recording(time=T, pressure=0 * T + 100)]) is None
     for time in (0 * T, np.where(T == 20, 0, T), np.where(T < 20, T, T + 100)[:1002]):
         assert settling([recording(time=time, pressure=pressure[: len(time)])]) is None
@@ -131,16 +133,18 @@ def test_how_alike_signals_have_to_be_to_be_one():
         (0.4, 0.6, 0.21, ["gain"]),
         (0.6, 0.4, 0.21, ["offset"]),
         (0.4, 0.6, 0.19, ["offset", "gain"]),
+        (0.4, 0.6, 0.2, ["gain"]),
+        (0.5, 0.6, 0.3, []),
         (0.51, 0.6, 0.26, []),
         (0.51, 0.6, 0.25, ["offset", "gain"]),
         (0.49, 0.6, 0.25, ["gain"]),
-        (0.04, 0.6, 0.001, ["gain"]),
+        (0.05, 0.6, 0.001, ["gain"]),
         (0.06, 0.6, 0.001, ["offset", "gain"]),
     ],
 )
 def test_effects_that_explain_most_of_a_difference(gain, offset, both, effects):
     one, other = (recording(name, u=[]) for name in "ab")
-    for apart in (1.0, 0.04):
+    for apart in (1.0, 0.05):
         left = {"gain": gain * apart, "offset": offset * apart, "offset gain": both * apart}
         found = Unequal(one, other, ("u", "p"), "force", apart, left)
         assert found.effects == effects
@@ -148,7 +152,7 @@ def test_effects_that_explain_most_of_a_difference(gain, offset, both, effects):
     words = f"explains {1 - gain**2:.0%} of the difference, an offset {1 - offset**2:.0%}, both "
     assert words in found.words()
     assert found.words().startswith(
-        "b.csv has the same u, p as a.csv, but force differs by 0.04 of"
+        "b.csv has the same u, p as a.csv, but force differs by 0.05 of"
     )
 
 
@@ -172,6 +176,10 @@ def test_the_two_recordings_that_differ_most_are_told(monkeypatch):
         both = [recording(u=u[:n], force=u[:n] + 1), recording(u=u, force=u)]
         for parts in (both, both[::-1]):
             assert (unequal(parts, ["u"], "force") is not None) == told
+    for lowest, told in ((99.0, False), (98.9, True)):  # held to a hundredth of the largest value
+        held = np.linspace(lowest, 100, 60)
+        parts = [recording(u=held, force=u), recording(u=held, force=u + 1)]
+        assert (unequal(parts, ["u"], "force") is not None) == told
     apart, left = _left(u, 0.4 * u + 0.1)
     assert (apart, left) == _left(0.4 * u + 0.1, u)
     assert left["offset gain"] == pytest.approx(0, abs=1e-9)
@@ -187,7 +195,9 @@ def test_the_two_recordings_that_differ_most_are_told(monkeypatch):
         ({15: 3.9}, []),
         ({15: -4.1}, [15]),
         ({15: 10.1, 16: 2.0}, [15]),  # its neighbours differ by 2, and it is higher by 8.1
+        ({15: 10.0, 16: 2.0}, [15]),
         ({15: 9.9, 16: 2.0}, []),
+        ({15: 4.0}, []),
         ({15: 40.0, 20: 11.0}, [15, 20]),  # both are higher than a quarter of the highest
         ({15: 40.0, 20: 9.0}, [15]),
         ({0: 40.0}, []),
@@ -203,6 +213,13 @@ def test_a_spike_is_four_times_as_high_as_any_other_change(values, rows):
             record[place + 1 : place + 2] = record[place - 1]
     assert spikes(record).tolist() == rows
     assert not spikes(record[:29]).size
+
+
+@pytest.mark.parametrize(("top", "rows"), [(5.0, []), (5.1, [15])])
+def test_a_spike_in_a_valley_is_higher_than_four_steps_of_its_sides(top, rows):
+    valley = np.abs(np.arange(31.0) - 15)
+    valley[15] = top
+    assert spikes(valley).tolist() == rows
 
 
 def test_a_spike_is_a_quarter_of_the_range_and_seldom():

@@ -464,6 +464,13 @@ def test_units_and_numbers_of_columns_are_no_samples(tmp_path, under, swallowed)
     assert ("header-of-numbers" in issues) == bool(swallowed)
 
 
+def test_without_curves_only_the_recordings_are_examined(tmp_path):
+    """Of three samples each, at none of the levels: too few for a curve, which there is not."""
+    far = {"levels": {"of": "pressure", "at": [900], "within": 1}, "split": {}}
+    with pytest.raises(DataError, match="no sample is within 1 of"):
+        inspected(tmp_path, lambda _, all_: {name: x[:3] for name, x in all_.items()}, data=far)
+
+
 def test_check_says_of_a_shape_what_the_run_says(tmp_path):
     contradicting = {"fit": {"shape": {"pressure": "decreasing"}}}
     issue = only(inspected(tmp_path, **contradicting), "shape")

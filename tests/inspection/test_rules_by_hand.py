@@ -96,8 +96,15 @@ def test_a_sensor_is_clipped_at_ten_times_as_many_samples_as_elsewhere(at_end, o
     assert issues == [("warning", "clipped", "data.columns.force")] * told
 
 
+@pytest.mark.parametrize(("count", "told"), [(20, False), (21, True)])
+def test_up_to_a_hundredth_of_the_samples_may_lie_at_an_end(count, told):
+    values = np.linspace(0.0, 8.5, 2000)
+    values[:count] = 9.0
+    assert bool(found(samples.clipped, {"force": values})) == told
+
+
 def test_ends_near_zero_are_no_clipping():
-    for end, told in ((4.4, False), (4.6, True)):
+    for end, told in ((4.4, False), (4.5, True)):
         values = np.append(np.full(200, -end), np.linspace(-end + 0.1, 9, 800))
         issues = found(samples.clipped, {"u": values})
         assert issues == [("hint", "clipped", "data.columns.u")] * told
@@ -118,6 +125,17 @@ def test_a_force_whose_squares_pull_by_less_than_a_hundredth(above, told):
     assert [message.startswith("r0.csv") for message in messages] == [True] * told
 
 
+@pytest.mark.parametrize(("scale", "turned"), [(2.0, "-2"), (-0.5, "0.5"), (None, "-1")])
+def test_the_sign_of_a_force_is_turned_by_the_scale_of_its_column(scale, turned):
+    columns = {"u": {"column": "u"}}
+    columns |= {} if scale is None else {"force": {"column": "F", "scale": scale}}
+    derive = {"force": "-u"} if scale is None else {}
+    (issue,) = signs.force_never_pulls(
+        subject_of({"force": -np.ones(9)}, columns=columns, derive=derive)
+    )
+    assert issue.remedy.startswith(f"write `scale: {turned}`")
+
+
 def test_rules_say_nothing_without_the_quantities_that_they_look_at():
     u, rules = np.arange(40.0), [pairs.computed_from, pairs.untold_difference, samples.offset]
     rules += [signs.force_never_pulls, signs.strain_turned, units.strain_in_per_cent]
@@ -126,8 +144,9 @@ def test_rules_say_nothing_without_the_quantities_that_they_look_at():
     assert found(samples.still_cycles, {"u": 0 * u}, **CYCLES) == []
     constant = subject_of({"u": u, "force": 0 * u}, {"u": u, "force": 0 * u})
     assert unequal(constant.recordings, ["u"], "force") is None
-    ratio = subject_of({"pressure_b": u}, units={"pressure_b": "1", "u": "1"})
-    assert [odd_values._vacuum(ratio, name) for name in ("pressure_b", "u")] == [None, None]
+    given = {"pressure_a": "kPa", "pressure_b": "1", "u": "kPa"}
+    subject = subject_of({"pressure_b": u}, units=given)
+    assert [odd_values._vacuum(subject, name) for name in given] == [-101.4, None, None]
 
 
 CYCLES = {"cycles": {"over": "strain"}}
@@ -148,12 +167,28 @@ CYCLES = {"cycles": {"over": "strain"}}
 def test_cycles_of_what_is_held(spans, issue):
     """Two recordings about 0 and about 1, which move by so much; None is noise."""
     ramp, noise = np.linspace(0, 1, 40), np.tile(np.repeat([0.0, 0.9], 3), 7)
-    recordings = [
-        {"strain": place + (noise if span is None else span * ramp)}
-        for place, span in zip((0, 1 - (spans[1] or 0.9)), spans, strict=True)
-    ]
-    issues = found(samples.still_cycles, *recordings, **CYCLES)
-    assert issues == ([] if issue is None else [(issue, "cycles-of-nothing", "data.cycles")])
+    for size in (1, 10):
+        recordings = [
+            {"strain": size * (place + (noise if span is None else span * ramp))}
+            for place, span in zip((0, 1 - (spans[1] or 0.9)), spans, strict=True)
+        ]
+        issues = found(samples.still_cycles, *recordings, **CYCLES)
+        assert issues == ([] if issue is None else [(issue, "cycles-of-nothing", "data.cycles")])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "held"), [(99.0, 100.0, True), (98.9, 100.0, False), (-100.0, -99.0, True)]
+)
+def test_a_movement_of_a_hundredth_of_the_largest_value_is_noise(low, high, held):
+    strain = {"strain": np.linspace(low, high, 40)}
+    messages = [issue.message for issue in samples.still_cycles(subject_of(strain, **CYCLES))]
+    assert [message.split(":")[0] for message in messages] == [
+        "strain is constant in r0.csv"
+    ] * held
+    assert (
+        found(samples.still_cycles, {"strain": np.linspace(0, 1, 40)}, {"strain": [1.0]}, **CYCLES)
+        == []
+    )
 
 
 def test_a_copied_file_is_an_error_where_one_is_held_out():
@@ -175,7 +210,7 @@ def test_a_curve_has_five_samples():
 
 @pytest.mark.parametrize(
     ("values", "told"),
-    [([0.5, 1.009], False), ([0.5] * 30 + [1.011], True), ([-0.009], False), ([-0.011, 0.5], True)],
+    [([1.01], False), ([-0.01], False), ([0.5] * 30 + [1.011], True), ([-0.011, 0.5], True)],
 )
 def test_held_out_values_within_the_training_range(values, told):
     """A hundredth of the range from 0 to 1 may be chance."""
@@ -246,6 +281,85 @@ def test_a_level_or_group_that_is_left_out_is_not_the_only_one(split, day, told)
     ]
 
 
+def test_a_curve_of_one_place_hides_no_loop_of_another():
+    there = np.linspace(0, 1, 50)
+    loop = {"strain": np.append(there, there[::-1]), "force": np.append(there, there[::-1] + 1)}
+    at_rest = {"strain": np.full(100, 0.5), "force": np.ones(100)}
+    parts = [
+        {"pressure": np.full(100, level), **columns}
+        for level, columns in ((1.0, loop), (2.0, at_rest))
+    ]
+    made = dataset_of(*parts, output="force")
+    with_levels = zip(made.curves, (1.0, 2.0), strict=True)
+    leveled = tuple(replace(curve, level=level) for curve, level in with_levels)
+    subject = subject_of(*parts, made=replace(made, level="pressure", curves=leveled))
+    (issue,) = curves.single_valued(subject)
+    assert issue.id == "not-single-valued"
+    assert (" at a" in issue.message, " at b" in issue.message) == (True, False)
+
+
+def test_boundaries_that_are_placed_in_one_of_two_inputs_need_samples():
+    made = dataset_of({name: np.arange(9.0) for name in UNITS}, output="force")
+    cuts = {"u": {"method": "even", "count": 1}, "strain": {"method": "optimal", "count": 5}}
+    spec = ExperimentSpec.model_validate({**BASE, "segment": cuts})
+    (issue,) = fits.short_segments(replace(subject_of(made=made), spec=spec))
+    assert issue.message.startswith("a has 9 training samples: 5 segments of ")
+
+
+def test_a_short_curve_is_found_beside_a_long_one():
+    """With a constant and a slope, two samples are too few."""
+    parts = [{name: np.arange(size) + 0.0 for name in UNITS} for size in (9, 2)]
+    made = dataset_of(*parts, output="force")
+    leveled = tuple(replace(curve, level=float(place)) for place, curve in enumerate(made.curves))
+    made = replace(made, level="pressure", curves=leveled)
+    spec = {**BASE, "data": {**BASE["data"], "levels": {"of": "pressure"}}, "fit": {"max_terms": 2}}
+    subject = replace(subject_of(made=made), spec=ExperimentSpec.model_validate(spec))
+    (issue,) = fits.short_segments(subject)
+    assert issue.message == "b/all has 2 training samples: too few for 2 terms"
+
+
+@pytest.mark.parametrize(("slope", "told"), [(-1.0, True), (1.0, False)])
+def test_a_shape_along_the_levels_is_compared_with_the_data(slope, told):
+    strain = np.linspace(0, 1, 20)
+    parts = [
+        {"pressure": np.full(20, level), "strain": strain, "force": 9 + slope * level - strain}
+        for level in (1.0, 2.0, 3.0)
+    ]
+    made = dataset_of(*parts, output="force")
+    leveled = tuple(replace(c, level=float(k)) for k, c in enumerate(made.curves, start=1))
+    made = replace(made, level="pressure", curves=leveled)
+    data = {**BASE["data"], "levels": {"of": "pressure"}}
+    settings = {**BASE, "data": data, "fit": {"shape": {"pressure": "increasing"}}}
+    subject = replace(subject_of(made=made), spec=ExperimentSpec.model_validate(settings))
+    assert [issue.id for issue in fits.contradicted_shape(subject)] == ["shape"] * told
+
+
+@pytest.mark.parametrize(("level", "told"), [("pressure", False), (None, True)])
+def test_a_shape_is_compared_at_equal_levels(level, told):
+    """At each pressure the force falls with the strain, and from one to the next both rise."""
+    parts = [
+        {"strain": np.linspace(0, 1, 20) + at, "force": 10 * at - np.linspace(0, 1, 20)}
+        for at in (1.0, 2.0, 3.0)
+    ]
+    parts = [{"pressure": np.full(20, k + 1.0), **columns} for k, columns in enumerate(parts)]
+    made = dataset_of(*parts, output="force")
+    leveled = tuple(replace(c, level=k + 1.0) for k, c in enumerate(made.curves))
+    made = replace(made, level=level, curves=leveled if level else made.curves)
+    data = {**BASE["data"], **({"levels": {"of": level}} if level else {})}
+    settings = {**BASE, "data": data, "fit": {"shape": {"strain": "decreasing"}}}
+    subject = replace(subject_of(made=made), spec=ExperimentSpec.model_validate(settings))
+    assert [issue.id for issue in fits.contradicted_shape(subject)] == ["shape"] * told
+
+
+def test_a_quantity_is_there_if_every_recording_has_it():
+    subject = subject_of({"u": [1.0], "force": [1.0]}, {"u": [2.0]})
+    assert (subject.has("u"), subject.has("force"), subject.has("u", "force")) == (
+        True,
+        False,
+        False,
+    )
+
+
 def test_a_few_samples_of_another_input_may_lie_outside():
     training = {"strain": np.linspace(0, 1, 11), "u": np.arange(11.0), "force": np.zeros(11)}
     for outside, told in ((5, False), (6, True)):
@@ -307,8 +421,9 @@ def test_no_gauge_shows_less_than_a_vacuum():
 )
 def test_a_number_far_from_all_others_stands_for_a_missing_value(fill, count, told):
     values = np.append(np.linspace(0, 1, 100 - count), [fill] * count)
-    issues = found(odd_values.fill_values, {"force": values, "time": values})
-    assert issues == [("warning", "fill-value", "data.columns.force")] * told
+    for size in (1.0, 0.01):
+        issues = found(odd_values.fill_values, {"force": size * values, "time": values})
+        assert issues == [("warning", "fill-value", "data.columns.force")] * told
     two_values = np.append(np.zeros(90), np.ones(10))  # a valve
     step = np.append(np.zeros(5), np.linspace(99, 101, 95))
     for values in (two_values, step):
@@ -317,7 +432,7 @@ def test_a_number_far_from_all_others_stands_for_a_missing_value(fill, count, to
 
 @pytest.mark.parametrize(("unit", "whole"), [("1", 1.0), ("%", 100.0)])
 @pytest.mark.parametrize(
-    ("share", "told"), [(0.99, []), (1.01, ["strain reaches 1.01, which is 101 %"])]
+    ("share", "told"), [(1.0, []), (1.01, ["strain reaches 1.01, which is 101 %"])]
 )
 def test_a_muscle_contracts_by_less_than_its_length(unit, whole, share, told):
     subject = subject_of({"strain": [0.0, share * whole]}, units={**UNITS, "strain": unit})
@@ -355,3 +470,17 @@ def test_a_difference_between_sessions_is_told_with_what_explains_it(effect, lin
     both = subject_of({"u": u, "force": u}, {"u": u, "force": effect(u)})
     (issue,) = pairs.untold_difference(both)
     assert issue.remedy.startswith(f"write {line}`set: {{session: 1}}`")
+
+
+def test_inputs_that_are_equal_are_told_in_the_order_of_the_alphabet():
+    u = np.sin(np.arange(60.0))
+    columns = {name: {"column": name} for name in ("force", *"ebdac")}
+    parts = [{**dict.fromkeys("ebdac", u), "force": force} for force in (u, u + 1)]
+    (issue,) = pairs.untold_difference(subject_of(*parts, columns=columns))
+    assert "has the same a, b, c, d, e as" in issue.message
+
+
+@pytest.mark.parametrize(("lowest", "told"), [(-101.4, True), (-101.5, False)])
+def test_a_spike_below_the_vacuum_is_told_by_another_rule(lowest, told):
+    pressure = np.where(np.arange(60) == 30, lowest, np.arange(60) % 3.0)
+    assert bool(found(odd_values.spikes_in, {"pressure": pressure})) == told

@@ -41,7 +41,7 @@ WAVES = [np.sin(speed * T) for speed in (3.0, 4.1, 5.7, 7.9, 9.3)]
         ("strain_pct|contraction [%]", "strain", "%"),
         ("contraction_frac", "strain", "1"),
         ("F", "force", None),
-        ("force_N_total", "force", "N"),
+        ("force_N_total|raw_force_N", "force", "N"),
         ("Load (kN)", "load", "kN"),
         ("position_mm", "displacement", "mm"),
         ("temperature||42|y_V|value [Pa]", None, None),
@@ -52,6 +52,13 @@ def test_titles_say_quantities_and_units(titles, quantity, unit):
         label = read_label(title)
         assert (label and label.quantity) == quantity, title
         assert unit is None or (label is not None and label.unit == unit), title
+
+
+@pytest.mark.parametrize(
+    ("title", "plain"), [("force_N", True), ("force_N_total", False), ("sensor 3 kPa", False)]
+)
+def test_a_title_is_plain_if_it_has_nothing_else(title, plain):
+    assert read_label(title).plain == plain
 
 
 @given(st.text())

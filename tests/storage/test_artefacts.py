@@ -38,6 +38,7 @@ from mapmore_cli.storage.artefacts.reference import described
 from mapmore_cli.storage.artefacts.schema import (
     SegmentationFile,
     bodies,
+    stored_fields,
     taken_apart,
 )
 
@@ -83,6 +84,11 @@ def test_a_column_of_a_recording_and_its_curve_is_stored_once(tmp_path):
     with h5py.File(path) as file:
         assert file["recordings/000/columns/force"] == file["curves/000/columns/force"]
     assert same(artefacts.read_dataset(path), dataset)
+
+
+def test_names_of_candidates_are_stored_once():
+    assert "candidates" not in stored_fields(Selection)
+    assert "candidates" in stored_fields(SegmentFit)
 
 
 @pytest.mark.parametrize("kind", KINDS)

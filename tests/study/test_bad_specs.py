@@ -24,7 +24,7 @@ from spec_examples import (
 )
 
 from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.study.loader import load
+from mapmore_cli.study.loader import load, load_text
 from mapmore_cli.study.units import is_quantity, split_quantity
 
 EVEN = "{method: even, count: 4}"
@@ -129,6 +129,12 @@ def test_a_misspelt_section_hides_no_mistake_in_it(tmp_path):
     assert message.count("spec.yaml:") == 3
 
 
+def test_a_spec_that_is_in_no_file_has_no_lines(tmp_path):
+    with pytest.raises(SpecError) as caught:
+        load_text(FORCE.replace("target:", "tarjet:"), "given", tmp_path)
+    assert "given: unknown key `tarjet`" in str(caught.value).splitlines()
+
+
 def test_a_message_shows_the_line_with_a_caret_under_the_mistake(tmp_path):
     lines = refusal(tmp_path, STATIC.replace("max_terms", "max_term")).splitlines()
     assert lines[0] == "spec.yaml:21:30: unknown key `max_term` in `fit`"
@@ -174,6 +180,14 @@ def test_thousands_of_competitors_are_refused_at_once(tmp_path):
             STATIC.replace('  - terms: ["exp(-strain/0.02)"]\n', ""),
             {"r: 4": "r: 99", "sarosi": "sarosy"},
             ["at most 20", "model `sarosy`"],
+        ),
+        (
+            STATIC.replace(
+                '["exp(-strain/0.02)"]',
+                "[strain]\n  - polynomial: {of: [strain], order: 98}\n  - terms: [sprain]",
+            ),
+            {"r: 4": "r: 99"},
+            ["`dictionary[0].polynomial.order` should", "`dictionary[2].", "no quantity `sprain`"],
         ),
         (
             FORCE.replace("[{", "[{play: {of: [pressure], widths: [0.1], count: 2}}, {")

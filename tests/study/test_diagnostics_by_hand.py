@@ -4,8 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from mapmore_cli.domain.errors import SpecError
-from mapmore_cli.study.diagnostics import Mistake, _value_in_words, did_you_mean, raise_if_any
+from mapmore_cli.domain.errors import DataError, MapmoreError, RunWarning, SpecError, explained
+from mapmore_cli.study.diagnostics import (
+    Mistake,
+    _unknown_key,
+    _value_in_words,
+    did_you_mean,
+    raise_if_any,
+)
 from mapmore_cli.study.loader import _echoes
 from mapmore_cli.study.tree import Position, SourceText
 
@@ -44,6 +50,25 @@ def test_mistakes_are_in_the_order_of_the_sources_and_of_their_lines():
 def test_twenty_five_mistakes_are_shown(count, last):
     lines = told(*((ONE, number, 1) for number in range(1, count + 1)))
     assert (len(lines), lines[-1]) == (min(count, 26), last)
+
+
+@pytest.mark.parametrize(("size", "first"), [(110, 1), (111, 46)])
+def test_the_last_line_of_a_spec_is_shown_whole_if_it_is_not_too_long(size, first):
+    """A line has 110 characters at most; of a longer one, what stands around the mistake."""
+    line = "".join(chr(ord("a") + place % 26) for place in range(size))
+    mistake = Mistake(Position(SourceText("a.yaml", Path(), f"x: 1\n{line}"), 2, 101), "wrong")
+    with pytest.raises(SpecError) as caught:
+        raise_if_any([mistake])
+    _, shown, caret = str(caught.value).splitlines()
+    assert shown == f"     2 | {line[first - 1 :]}"
+    assert shown[caret.index("^")] == line[100]
+
+
+@pytest.mark.parametrize(
+    ("loc", "said"), [(("a",), "unknown key `a`"), (("b", "a"), "unknown key `a` in `b`")]
+)
+def test_an_unknown_key_is_told_with_its_section(loc, said):
+    assert _unknown_key(loc, []) == (said, None)
 
 
 @pytest.mark.parametrize(
@@ -87,3 +112,33 @@ def test_a_value_is_described_by_its_type_and_its_beginning(value, words):
 )
 def test_parts_whose_removal_would_cause_other_mistakes(loc, echoes):
     assert _echoes(loc) == echoes
+
+
+def test_a_warning_about_another_run_names_this_run_once():
+    warning = RunWarning.of("inner", "odd")
+    assert (warning, warning.run, warning.message) == ("inner: odd", "inner", "odd")
+    assert RunWarning.of("outer", warning) is warning
+
+
+def caused(error, cause):
+    error.__cause__ = cause
+    return error
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "words"),
+    [
+        (MemoryError(), MapmoreError, "not enough memory"),
+        (OSError(12, "Cannot allocate memory"), MapmoreError, "not enough memory"),
+        (PermissionError(13, "no", "a.csv"), DataError, "a.csv: cannot be read"),
+        (OSError(36, "File name too long", 200 * "b"), DataError, f"{100 * 'b'}...: file name"),
+        (OSError(36, "File name too long", 199 * "b"), DataError, f"{199 * 'b'}: file name"),
+        (PermissionError(13, "no"), PermissionError, "no"),
+        (caused(SystemError(), KeyboardInterrupt("stop")), KeyboardInterrupt, "stop"),
+        (caused(SystemError("odd"), ValueError()), SystemError, "odd"),
+    ],
+)
+def test_faults_of_the_system_are_explained_to_the_user(error, kind, words):
+    found = explained(error)
+    assert type(found) is kind
+    assert words in str(found)

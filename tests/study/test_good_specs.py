@@ -5,13 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 from common import rows_of
 from spec_examples import (
     DAMPING,
+    FORCE,
     GOOD,
     LOGS,
     MEASURED,
     MOTION,
+    MOVING,
     SHIPPED,
     STATIC,
     assert_says,
@@ -166,7 +169,7 @@ UNSAID = STATIC.replace(", max_terms: 1, tolerance: 1.0e-4", "")
     ("text", "terms", "stop"),
     [
         (MOTION.replace(FIT, ""), 12, "bic"),
-        (MOTION.replace(FIT, "fit: {max_terms: 3}"), 3, "tolerance"),
+        (MOTION.replace(FIT, "fit: {max_terms: 3, loss: huber}"), 3, "tolerance"),
         (MOTION.replace(FIT, "fit: {stop: press}"), 12, "press"),
         (MOTION.replace(FIT, "fit: {tolerance: 0.01}"), 12, "tolerance"),
         (UNSAID, 1, "tolerance"),
@@ -178,6 +181,23 @@ UNSAID = STATIC.replace(", max_terms: 1, tolerance: 1.0e-4", "")
 def test_one_model_of_everything_has_as_many_terms_as_data_support(tmp_path, text, terms, stop):
     fit = load_text(tmp_path, text).spec.fit
     assert (fit.max_terms, fit.stop) == (terms, stop)
+
+
+def test_a_model_without_segments_may_have_a_constant_among_its_terms(tmp_path):
+    polynomial = "polynomial: {of: [pressure, strain], order: 2}"
+    spec = load_text(tmp_path, FORCE.replace(polynomial, "terms: ['1', strain]")).spec
+    assert spec.dictionary[0].terms == ["1", "strain"]
+
+
+def test_the_resolved_text_has_the_defaults_and_no_empty_keys(tmp_path):
+    text = load_text(tmp_path, FORCE).resolved
+    assert yaml.safe_load(text)["fuse"]["z_s"] == 0.25
+    assert "null" not in text
+
+
+@pytest.mark.parametrize(("text", "over_time"), [(MOTION, True), (FORCE, False), (MOVING, True)])
+def test_a_model_runs_over_time_if_it_has_memory_or_is_of_motion(tmp_path, text, over_time):
+    assert load_text(tmp_path, text).spec.runs_over_time is over_time
 
 
 def test_the_damping_example(tmp_path):

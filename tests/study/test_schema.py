@@ -15,7 +15,7 @@ from spec_examples import GOOD, PROJECT, SHIPPED, STATIC
 from mapmore_cli.domain.scores import METRICS, OF_TARGET
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.loader import confirmed, questions_in
-from mapmore_cli.study.schema import json_schema, reference
+from mapmore_cli.study.schema import _meaning, json_schema, reference
 from mapmore_cli.study.sections.dictionary import FORMS
 from mapmore_cli.study.tree import SourceText, written
 from mapmore_cli.study.yaml_loader import parse
@@ -96,6 +96,12 @@ def test_every_key_is_in_the_reference_and_every_link_has_its_heading():
         for heading in re.findall(r"^### (.*)$", text, re.MULTILINE)
     }
     assert set(re.findall(r"\]\(#([^)]+)\)", text)) <= headings
+
+
+def test_examples_are_written_as_in_a_spec():
+    assert _meaning({"description": "length", "unit": "m", "examples": ["5 µm"]}) == (
+        'Length. Unit: m. Example: `"5 µm"`.'
+    )
 
 
 def test_rows_of_the_reference_have_values_default_unit_and_example():

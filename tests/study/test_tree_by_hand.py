@@ -9,6 +9,7 @@ from mapmore_cli.study.tree import (
     merged,
     nearest,
     quoted,
+    renamed,
     values_at,
     with_child,
     without,
@@ -84,6 +85,19 @@ def test_one_spec_on_top_of_another(base, over, together):
     before = plain(below)
     assert plain(merged(below, tree(over))) == together
     assert plain(below) == before
+
+
+@pytest.mark.parametrize(
+    ("loc", "key", "changed"),
+    [
+        (("a",), "n", {"b": {"c": 2, "d": 3}, "n": 1}),
+        (("b", "c"), "n", {"a": 1, "b": {"d": 3, "n": 2}}),
+        (("b", "c"), "d", {"a": 1, "b": {"d": 3}}),
+        (("b", "x"), "n", {"a": 1, "b": {"c": 2, "d": 3}}),
+    ],
+)
+def test_a_key_is_renamed_unless_the_new_one_is_there(loc, key, changed):
+    assert plain(renamed(tree("{a: 1, b: {c: 2, d: 3}}"), loc, key)) == changed
 
 
 def test_values_are_removed_and_replaced_in_a_copy():

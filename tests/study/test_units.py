@@ -237,6 +237,7 @@ def test_wrong_units_are_named_with_a_remedy(source, target, words):
 .5e1 m    mm    5000
 +2 kPa/s  Pa/s  2000
 1e-3bar   Pa    100
+20 degC   K     293.15
 17.45 cm  m     0.1745
 """, float),
 (" 7  ms ", "s", 0.007)],
@@ -306,6 +307,25 @@ def test_base_units_are_those_of_the_si(unit, factor, offset, base):
     found = units.base_units(unit)
     assert (found.factor, found.offset) == pytest.approx((factor, offset), rel=1e-14)
     assert list(found.powers.items()) == base
+
+
+def test_base_units_are_in_the_order_of_the_alphabet():
+    assert [*units.base_units("cd*K*s/m").powers] == ["K", "cd", "m", "s"]
+
+
+def test_a_capital_m_of_a_short_unit_is_not_read_as_milli():
+    assert units.unit_of_file("MOhm", "ohm") in (None, "MOhm")
+
+
+def test_a_unit_has_at_most_sixty_characters():
+    units.check_unit("m*" * 29 + "mm")
+    with pytest.raises(SpecError):
+        units.check_unit("m*" * 30 + "mm")
+
+
+def test_an_unknown_unit_of_sixty_characters_is_shown_whole():
+    with pytest.raises(SpecError, match=rf"'{'x' * 60}'"):
+        units.check_unit("x" * 60)
 
 
 def test_without_whole_powers_of_known_units_there_are_no_base_units():

@@ -18,7 +18,7 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.study.loader import load
 from mapmore_cli.study.tree import SourceText, nearest, written
 from mapmore_cli.study.yaml_dumper import _CoreDumper, dump
-from mapmore_cli.study.yaml_loader import parse
+from mapmore_cli.study.yaml_loader import LARGEST, parse, read_source
 
 
 def tree(text):
@@ -126,6 +126,7 @@ SCALARS = (
 LOOKALIKES = [
     "1e-3", "no", "010", "0o10", "1:30", "~", "", "null", "+1", ".inf", "2024-01-31", "true",
         "a: b", "- x", "# c", "0x1",
+        "a\x85b", "a\u2028b", "a\u2029b",
 ]  # fmt: skip
 
 
@@ -187,6 +188,7 @@ def test_a_spec_with_one_slip_is_read_or_refused_with_a_place(place, slip):
         ("name: [a\nb: c\n", ["spec.yaml:2:2", "bracket"]),
         ('name: "a\n', ["not valid YAML"]),
         ("name: a\n---\nname: b\n", ["spec.yaml:2:1", "one file holds one spec"]),
+        ('name: a\nmuscle: "\\U00110000"\n', ["spec.yaml:2:10", "not a Unicode character"]),
         ("name: *nowhere\n", ["spec.yaml:1:7", "&name"]),
         ("1: x\n", ["spec.yaml:1:1: `1` is not text", "quote it"]),
         ("{[a]: x}\n", ["spec.yaml:1:2", "this key is not text"]),
@@ -209,6 +211,12 @@ def test_unreadable_files(tmp_path, text, words):
 
 def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path):
     assert "unknown key `nam`" in refusal(tmp_path, b"\xef\xbb\xbfnam: x\n")
+
+
+def test_a_spec_of_five_megabytes_is_read(tmp_path):
+    path = tmp_path / "long.yaml"
+    path.write_bytes(b"#" * LARGEST)
+    assert len(read_source(path).text) == LARGEST
 
 
 def test_a_missing_file_and_a_folder_are_refused(tmp_path):
@@ -259,8 +267,9 @@ def test_forty_levels_are_read(text_of, deepest):
 def test_a_long_list_is_no_bomb_and_aliases_still_are(tmp_path):
     """What is counted is what aliases repeat."""
     assert len(written(tree(f"runs: [{'1,' * 51_000}]"))["runs"]) == 51_000
-    one = "a: &a [" + ",".join(["1"] * 1000) + "]\n"
-    assert "multiply" in refusal(tmp_path, one + "b: [" + ",".join(["*a"] * 60) + "]\n")
+    one = "a: &a [" + ",".join(["1"] * 999) + "]\n"  # a thousand values with the list itself
+    assert tree(one + "b: [" + ",".join(["*a"] * 50) + "]\n")
+    assert "multiply" in refusal(tmp_path, one + "b: [" + ",".join(["*a"] * 51) + "]\n")
 
 
 def test_specs_with_a_thousand_variations_are_read_by_their_tree_once(tmp_path):
@@ -284,7 +293,8 @@ def test_other_readers_of_yaml_see_the_words_that_we_wrote(word):
 
 def test_a_document_is_written_key_by_key_as_it_is_written_whole():
     """What is kept of one document is not taken for what only equals it."""
-    for one in (1, True, 1.0, "1", [1, True], {"a": 1}, {"a": 1.0}, {}, [], None):
+    kept = (1, True, 1.0, "1", [1, True], {"a": 1}, {"a": 1.0}, {}, [], None, {"é": 1, "b": 2})
+    for one in kept:
         whole = {"x": one, "longer": list(range(40)), "y": {"z": one}}
         text = yaml.dump(whole, Dumper=_CoreDumper, sort_keys=False, allow_unicode=True, width=120)
         assert dump(whole) == text

@@ -148,7 +148,7 @@ def still_cycles(subject: Subject) -> Issues:
         return
     low, high = subject.span(cycles.over)
     # movements below 5 % of the range of all recordings, or 1 % of the largest value, are noise
-    least = max(STILL * (high - low), LITTLE * max(abs(low), abs(high)))
+    least = max(STILL * (high - low), LITTLE * max(-low, high))
     columns = [recording.columns[cycles.over] for recording in subject.kept]
     noisy = [_is_noise(values) for values in columns]
     spans = [ends[1] - ends[0] for ends in map(extremes, columns)]
@@ -189,7 +189,7 @@ def recorded_twice(subject: Subject) -> Issues:
     known: dict[tuple[object, ...], Recording] = {}
     for recording in subject.kept:
         # only measured columns are compared, not the values that a spec sets for whole files
-        measured = sorted(recording.columns.keys() & subject.spec.data.columns)
+        measured = [name for name in subject.spec.data.columns if name in recording.columns]
         samples = (hash(even_share(recording.columns[name]).tobytes()) for name in measured)
         twin = known.setdefault((recording.rows_kept, *measured, *samples), recording)
         if twin is recording:

@@ -32,7 +32,7 @@ def force_never_pulls(subject: Subject) -> Issues:
     if not subject.has("force"):
         return
     low, high = subject.span("force")
-    turned = [recording for recording in subject.kept if _pull(recording) < PULL]
+    turned = [recording for recording in subject.kept if _never_pulls(recording)]
     if turned and len(turned) == len(subject.kept):
         ends = f"it goes from {low:.4g} to {high:.4g}"
         yield _turned(subject, f"the force is almost never positive ({ends})", "")
@@ -46,17 +46,17 @@ def force_never_pulls(subject: Subject) -> Issues:
             yield _turned(subject, f"{force}, {others}", " in a study of its own")
 
 
-def _pull(recording: Recording) -> float:
-    """Return the sum of squares of the positive forces, divided by the sum of squares of all
-    forces; 1 if no force is negative. The outermost forces count only up to a quantile, because a
+def _never_pulls(recording: Recording) -> bool:
+    """Return True if the sum of squares of the positive forces is less than the fraction `PULL` of
+    the sum of squares of all forces. The outermost forces count only up to a quantile, because a
     few wrong samples, for example -9999, do not say in which direction the others act.
     """
     above = below = 0.0
     for (x,) in in_blocks(recording.columns["force"]):
         x = np.clip(x, *np.quantile(x, (LITTLE, 1 - LITTLE), method="nearest"))
-        above += float(np.sum(x[x > 0] ** 2))
-        below += float(np.sum(x[x < 0] ** 2))
-    return above / (above + below) if below else 1.0
+        above += float(np.sum(np.maximum(x, 0) ** 2))
+        below += float(np.sum(np.minimum(x, 0) ** 2))
+    return above < PULL * (above + below)
 
 
 def _turned(subject: Subject, what: str, where: str) -> Issue:

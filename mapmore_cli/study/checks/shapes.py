@@ -54,7 +54,7 @@ def shapes(spec: ExperimentSpec) -> Iterator[Finding]:
                 REMOVE,
             ),
             (
-                spec.has_memory and not given_words <= {"increasing", "decreasing"},
+                spec.has_memory and bool(given_words - {"increasing", "decreasing"}),
                 loc,
                 "a model with memory can keep only the sign of its static gain: the direction in "
                 "which its output at rest follows the input",

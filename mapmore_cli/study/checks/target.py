@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from math import inf
 from operator import attrgetter
 from typing import Protocol, get_args, runtime_checkable
 
@@ -27,7 +28,7 @@ def target(spec: ExperimentSpec) -> Iterator[Finding]:
     """
     needs, plateau, have = spec.needs, spec.data.plateau, spec.data.quantities
     missing = [f"`needs.{name}`" for name in ("static", "damping") if getattr(needs, name) is None]
-    low, high = plateau if isinstance(plateau, tuple) else (0.0, 1.0)
+    low, high = plateau if isinstance(plateau, tuple) else (-inf, inf)
     yield from applying(
         (
             isinstance(spec.target, str) and spec.target_quantity not in have,
@@ -153,7 +154,7 @@ def kind(spec: ExperimentSpec) -> Iterator[Finding]:
             ),
             name=name,
         )
-    weighed = sorted({"loss", "weight"} & {*spec.fit.changed})
+    weighed = [key for key in ("loss", "weight") if key in spec.fit.changed]
     yield from applying(
         (
             bool(family) and not is_same(default_unit("strain", spec.units), "1"),

@@ -65,4 +65,4 @@ def units(spec: ExperimentSpec) -> Iterator[Finding]:
 
 
 def _unit_findings(loc: Loc, unit: str, wanted: str) -> list[Finding]:
-    return [*refused(loc, check_unit, unit)] or [*refused(loc, convert, 1.0, unit, wanted)]
+    return [*refused(loc, check_unit, unit)] or [*refused(loc, convert, 0.0, unit, wanted)]

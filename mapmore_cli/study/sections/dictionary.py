@@ -35,7 +35,7 @@ class OperatorFamily(Section):
     def _contradictions(self) -> Sequence[Row]:
         keys = [key for key in type(self).model_fields if getattr(self, key) is not None]
         either = f"give either {quoted(keys[1:], ' or ')}"
-        return [(len(keys) > 2, either, "remove one of them", *keys[:0:-1])]
+        return [(len(keys) > 2, either, "remove one of them", keys[-1])]
 
 
 def _forms() -> Iterator[tuple[str, type[OperatorFamily]]]:
@@ -336,7 +336,7 @@ class Families(Section):
         return next(iter(self._given().items()))
 
     def _contradictions(self) -> Sequence[Row]:
-        low, high = self.bounds or (0.0, 1.0)
+        low, high = self.bounds or (-inf, inf)
         count = "two kinds" if self._given() else "no kind"
         names = quoted(name for name in type(self).model_fields if name not in LIMITS)
         return [
@@ -404,9 +404,10 @@ def texts_in(loc: Loc, family: Family) -> Iterator[tuple[Loc, str, bool]]:
     is_along = isinstance(family, AlongRange)
     if isinstance(family, AlongRange):
         yield (*loc, "of"), family.of, False
-    for place, text in enumerate(() if isinstance(family, AlongRange) else family.of):
-        if isinstance(text, str):
-            yield (*loc, "of", place), text, False
+    else:
+        for place, text in enumerate(family.of):
+            if isinstance(text, str):
+                yield (*loc, "of", place), text, False
     of_window = "change" if getattr(family, "window", None) else ""
     for place, text in enumerate(getattr(family, "partners", None) or ()):
         if not (is_along and text == of_window):

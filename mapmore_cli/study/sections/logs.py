@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from datetime import datetime
+from math import inf
 from typing import TYPE_CHECKING, Annotated, Literal
 from warnings import catch_warnings
 
@@ -58,7 +59,7 @@ class Keep(Section):
             if used
             else "no condition"
         )
-        ends = {name: getattr(self, name) or (0.0, 1.0) for name in ("between", "outside")}
+        ends = {name: getattr(self, name) or (-inf, inf) for name in ("between", "outside")}
         return [
             (
                 len(used) != 1,
@@ -231,7 +232,7 @@ class SourceColumn(Section):
                 "remove `unit`",
                 "unit",
             ),
-            *((True, *fault, "format") for fault in faults[:1]),
+            *((True, *fault, "format") for fault in faults),
         ]
 
     def _fault_of(self, text: str) -> tuple[str, str] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from math import inf
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from annotated_types import Gt, Len
@@ -30,11 +31,11 @@ class FormulaParameter(Section):
     bounds: Pair | None = None
 
     def _contradictions(self) -> Sequence[Row]:
-        low, high = self.bounds or (0.0, 1.0)
+        low, high = self.bounds or (-inf, inf)
         return [
             (
                 not low < high,
-                f"the lower bound {low:g} is above the upper bound {high:g}",
+                f"the lower bound {low:g} is not below the upper bound {high:g}",
                 "put the lower bound first",
                 "bounds",
             )

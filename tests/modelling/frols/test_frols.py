@@ -34,6 +34,15 @@ def test_agrees_with_the_textbook(seed):
     assert ours.runner_up.tolist() == np.where(there, second, -1).tolist()
 
 
+def test_a_selection_is_shown_as_a_sum_and_predicts_with_its_terms():
+    x = np.array([-1.0, 0.0, 1.0, 2.0])
+    found = frols(np.column_stack([x**2, np.ones(4), x]), 2 - 3 * x, 2)
+    assert "*p1" in repr(found)
+    assert " - 3*p2" in repr(found) or "-3*p2" in repr(found)
+    other = np.array([[7.0, 1.0, 5.0]])
+    assert found.predict(other) == pytest.approx([2 - 3 * 5])
+
+
 # --- cases in which known packages fail
 # -------------------------------------------------------------------------------------------------
 

@@ -46,6 +46,10 @@ def test_weights_of_neighbours_are_those_of_the_equations(name):
     np.testing.assert_allclose(found, expected, atol=1e-14)
 
 
+def test_pieces_on_a_backbone_are_added_whole_if_nothing_else_is_said():
+    assert Fusion(extrapolation={}).shrink == 1
+
+
 CARRIERS = {"Joining", "Fuse", "Fusion", "z_s"}
 ON_THE_WAY = ("study", "fitting", "pipeline", "ingestion", "storage", "domain", "modelling")
 

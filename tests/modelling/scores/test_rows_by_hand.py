@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from mapmore_cli.domain.compared import Compared, Normaliser, SampleBlock, ratio
 from mapmore_cli.domain.fits import FormulaFit
-from mapmore_cli.domain.results import Forecast, ResidualTest, Validation
+from mapmore_cli.domain.results import FitResult, Forecast, OutputsFit, ResidualTest, Validation
 from mapmore_cli.domain.scores import (
     MEASURES,
     Limit,
@@ -51,6 +52,43 @@ def test_a_run_is_free_if_its_error_is_not_that_of_one_step(ahead, free, shown):
 
 def test_a_target_is_far_from_zero_if_its_range_is_less_than_a_third_of_the_scale():
     assert [row(nrmse_range=share).far for share in (0.29, 0.31, math.nan)] == [False, True, False]
+    assert not row(nrmse=0.25, nrmse_range=0.75).far
+
+
+def test_the_correlation_without_means_is_a_cosine():
+    """Of the angle between (1, 2) and (2, 1), in any size."""
+    measured, predicted = np.array([1.0, 2.0]), np.array([20.0, 10.0])
+    none = np.full(2, math.nan)
+    block = SampleBlock(measured, measured, predicted, none, none, none)
+    assert Compared(lambda: [block], Normaliser("", 1.0)).correlation == pytest.approx(0.8)
+
+
+def test_numbers_of_all_blocks_are_taken_together():
+    """Of errors 1, -2, nothing, and 6, whose uncertainties are 1, 2, 1 and 3."""
+    parts = np.array([1.0, -2.0]), np.array([math.nan, 6.0])
+    sigmas = np.array([1.0, 2.0]), np.array([1.0, 3.0])
+    zero = np.zeros(2)
+    blocks = [
+        SampleBlock(zero, zero, error, zero, zero, sigma)
+        for error, sigma in zip(parts, sigmas, strict=True)
+    ]
+    compared = Compared(lambda: blocks, Normaliser("", 1.0))
+    assert compared.median(lambda block: block.error) == 1
+    assert Compared(lambda: blocks[:1], Normaliser("", 1.0)).chi2 == 2
+    assert math.isnan(compared.median(lambda block: math.nan * block.sigma))
+
+
+def test_each_output_has_its_own_fit():
+    one, other = FitResult(None), FitResult(None)
+    assert FitResult(OutputsFit({"x": one, "y": other})).each == (one, other)
+    assert one.each == (one,)
+
+
+def test_an_error_is_no_fraction_of_nothing():
+    assert ratio(1.0, 0.5) == 2
+    assert math.isnan(ratio(1.0, 0.0))
+    assert Normaliser("", 2.0).fraction(1.0) == 0.5
+    assert math.isnan(Normaliser("", 0.0).fraction(1.0))
 
 
 def test_a_table_of_several_targets_has_one_of_each():

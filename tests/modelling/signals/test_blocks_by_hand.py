@@ -20,6 +20,7 @@ from mapmore_cli.domain.arrays import (
     rows_where,
     stacked,
 )
+from mapmore_cli.domain.declared import is_label
 from mapmore_cli.domain.errors import DataError
 
 
@@ -86,6 +87,26 @@ def test_rows_are_picked_by_number_and_by_mask(column):
         assert extremes(column, where) == (values.min(), values.max())
         assert extremes(column, where) == (values.min(), values.max())  # as remembered
     assert np.isnan(extremes(np.append(column, np.nan))).all()
+
+
+@pytest.mark.parametrize(
+    ("longest", "most", "in_file"), [(159, 2, True), (160, 2, False), (159, 1, False)]
+)
+def test_columns_are_written_to_files_if_the_longest_is_long_and_files_are_few(
+    monkeypatch, longest, most, in_file
+):
+    """Of a column of 20 numbers and another of 20 truth values, in two blocks."""
+    monkeypatch.setattr(arrays, "_mapped", {})
+    monkeypatch.setattr(arrays, "LONG", longest)
+    monkeypatch.setattr(arrays, "MOST", most)
+    columns = stacked([np.ones(10), np.ones(10, dtype=bool)] for _ in range(2))
+    assert [arrays._map_of(column) is not None for column in columns] == [in_file] * 2
+
+
+def test_names_of_curves_have_at_most_a_thousand_characters():
+    assert is_label(1000 * "x")
+    for label in (1001 * "x", "a`b", "a\nb"):
+        assert not is_label(label)
 
 
 def test_tables_of_columns():

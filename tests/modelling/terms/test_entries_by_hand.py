@@ -1,5 +1,6 @@
 """The terms of each entry of a dictionary, in order, by hand."""
 
+from math import inf
 from types import SimpleNamespace
 
 import pytest
@@ -43,6 +44,8 @@ def test_terms_of_several_entries_occur_once_and_partners_are_among_them():
     with pytest.raises(SpecError, match="`z` of `with` is not one of the terms"):
         terms_of([entry(products={"of": ["x"], "order": 2, "with": ["z"]})])
     assert bounds_of([entry(**polynomial("x"))]) == {}
+    for sign, limits in (("positive", (0, inf)), ("negative", (-inf, 0))):
+        assert bounds_of([entry(**polynomial("x"), sign=sign)]) == {"1": limits, "x": limits}
 
 
 @pytest.mark.parametrize(("of", "most"), [(["x"], 2), (["x", "y", "z"], 3), ([], 3)])

@@ -55,9 +55,11 @@ def test_a_quantity_that_stays_has_a_width_of_one():
 
 
 def test_a_step_times_the_change_and_its_square_over_every_window():
-    factors = ["1", *(f"(x - x[k-{w}]){power}" for w in (4, 16) for power in ("", "^2"))]
+    factors = ["1", *(f"(x - x[k-{w}]){power}" for w in (4, 16) for power in ("", "^2")), "y"]
     found = along(
-        written("steps", of="x", count=2, widths=[0.1], window=[4, 16], **{"with": ["change"]}),
+        written(
+            "steps", of="x", count=2, widths=[0.1], window=[4, 16], **{"with": ["change", "y"]}
+        ),
         0,
         1,
         name="x",
