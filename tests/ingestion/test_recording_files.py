@@ -159,6 +159,21 @@ def test_a_glob_enters_no_folder_with_results(tree):
     assert len(find_sources(["../*/*.csv"], tree)) == len(before[1]) + 1
 
 
+@pytest.mark.parametrize(("count", "more"), [(4, ""), (5, ", ...")])
+def test_at_most_four_folders_with_results_are_named_in_alphabetical_order(tree, count, more):
+    for letter in "edcba"[-count:]:
+        (tree / letter).mkdir()
+        (tree / letter / "run.json").write_text(RECORD)
+    warnings = []
+    find_sources(["**/*.csv"], tree, warn=warnings.append)
+    assert f" in a, b, c, d{more}, because" in warnings[0]
+
+
+def test_bad_files_are_left_out_only_if_the_spec_names_them(tree):
+    for bad, left in ((True, 2), (False, 2), (["here.csv"], 1), (["*.csv"], 0)):
+        assert len(find_sources(["*.csv"], tree, bad=bad)) == left
+
+
 def test_what_is_no_file_of_a_recording_is_named(tree):
     (tree / "gone.csv").symlink_to("nowhere.csv")
     os.mkfifo(tree / "pipe.csv")

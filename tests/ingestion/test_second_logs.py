@@ -45,8 +45,8 @@ def test_a_signal_has_the_first_of_equal_stamps_and_no_missing_values():
     assert [one.tolist() for one in found] == [[0, 1, 4], [5, 6, 9]]
     empty = _ordered_signal(samples(time=[np.nan], P=[1]), "P")
     assert [one.size for one in empty] == [0, 0]
-    with refused("a.csv:row 5: time runs backwards"):
-        _ordered_signal(samples(time=[0, 2, np.nan, 1], P=[1, 1, 1, 1]), "P")
+    with refused("a.csv:row 6: time runs backwards"):
+        _ordered_signal(samples(time=[0, 2, 2, np.nan, 1], P=[1, 1, 1, 1, 1]), "P")
 
 
 def shift(monkeypatch, second="P2", is_found=True, **found):
