@@ -36,7 +36,9 @@ def test_gaps_split_a_recording_into_numbered_pieces(ingest):
         "s, after row 6; "
     )
     assert note.endswith("about 25 samples are missing: split")
-    assert [c.id for c in ingest({"a.csv": logged(0, 0.1, 0.2)}, gaps=SPLIT).curves] == ["a"]
+    assert [one.log for one in dataset.recordings] == ["a"] * 3
+    (whole,) = ingest({"a.csv": logged(0, 0.1, 0.2)}, gaps=SPLIT).recordings
+    assert (whole.id, whole.log) == ("a", "")
 
 
 @pytest.mark.parametrize(

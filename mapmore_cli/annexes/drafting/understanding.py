@@ -203,7 +203,6 @@ def _measured(condition: NamedCondition, columns: Mapping[str, TitledColumn]) ->
         if (
             is_other
             or len(column.values) != len(numbers)
-            or not all(map(len, column.values))
             or len(np.unique(numbers)) < FEWEST_SET_POINTS
         ):
             continue
