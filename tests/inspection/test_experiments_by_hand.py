@@ -351,11 +351,10 @@ def test_at_most_three_words_mean_a_missing_value():
 def test_all_of_five_files_and_twelve_columns_are_described(tmp_path, count, more):
     """The rows are those of the column with the fewest empty cells."""
     titles = [f"c{k}" for k in range(count)]
-    rows = [
-        ",".join([str(row), *["" if row < 3 else str(row**2)] * (count - 1)]) for row in range(9)
-    ]
     for number in range(5):
-        (tmp_path / f"{number}.csv").write_text("\n".join([",".join(titles), *rows, ""]))
+        rows = ([row, *["" if row < 3 else number + row] * (count - 1)] for row in range(9))
+        lines = [",".join(map(str, cells)) for cells in [titles, *rows]]
+        (tmp_path / f"{number}.csv").write_text("\n".join([*lines, ""]))
     (study,), _ = find_studies(tmp_path)
     shown = ", ".join(titles[:12])
     told = f"5 files, 45 rows, {count} columns ({shown}{more})"
