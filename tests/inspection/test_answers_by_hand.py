@@ -1,6 +1,8 @@
 """Answers of a person: names, quantities and ranges of columns, and the courses that are shown."""
 
+import re
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,8 +18,9 @@ from mapmore_cli.annexes.drafting.answers import (
 )
 from mapmore_cli.annexes.drafting.by_person import named_by_person, refuse_choice
 from mapmore_cli.annexes.drafting.columns import TitledColumn
+from mapmore_cli.annexes.drafting.commands import ask
 from mapmore_cli.annexes.drafting.draft import NamedColumn
-from mapmore_cli.annexes.drafting.questions import BLOCKS, course, interview
+from mapmore_cli.annexes.drafting.questions import BLOCKS, Option, Question, course, interview
 from mapmore_cli.domain.errors import UsageError
 
 
@@ -128,6 +131,9 @@ def test_columns_that_move_are_listed_with_the_command():
     listed = [line.split()[:2] for line in error.message.splitlines()[1:]]
     assert listed == [["0", "t"], ["1", "s1"], ["2", "s2"], ["4", "force"]]
     assert "mapmore init folder --target ... --inputs ..." in error.remedy
+    # a column that counts its rows is no clock beside a clock
+    error = refuse_choice(TABLE | {"n": titled(5, "n", np.arange(4.0))}, "a.csv", "folder", False)
+    assert "counts the rows" not in error.message
     bare = {
         place: replace(one, title="", column=place, quantity="", unit="")
         for place, one in enumerate(TABLE.values())
@@ -140,6 +146,8 @@ def test_columns_that_move_are_listed_with_the_command():
         error = refuse_choice(bare | {0: clock}, "a.csv", "folder", is_map=False)
         assert f"--target force=4:N --inputs {example}" in error.remedy
         assert question in error.message.splitlines()[1]
+    error = refuse_choice(bare | {1: TABLE["s1"]}, "a.csv", "folder", is_map=False)
+    assert "mapmore init folder --target ... --inputs ..." in error.remedy
     two = {place: bare[place] for place in (0, 4)}  # of two columns, the first is the input
     error = refuse_choice(two, "a.csv", "folder", is_map=False)
     assert "--target force=4:N --inputs pressure=0:bar  (" in error.remedy
@@ -153,6 +161,31 @@ def test_the_course_of_a_column_in_forty_signs():
     assert len(course([np.arange(39.0)])) == 39
     assert course([np.ones(3)]) == "▁▁▁"
     assert course([np.arange(9.0)], 3) == "▁▅█"
+
+
+def test_a_question_is_asked_on_the_terminal_until_the_reply_is_valid(monkeypatch, capsys):
+    options = (Option("7", "P  0 to 1", "▁█"), Option("12", "F"))
+    question = Question("What is it?", options, "Write a number", partial(read_names, "the target"))
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    replies = iter(["_", " 7 ", "b"])
+    monkeypatch.setattr("builtins.input", lambda: next(replies))
+    assert [ask(question), ask(question)] == [" 7 ", "b"]
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    plain = re.sub(r"\x1b\[[\d;]*m", "", shown.err)
+    assert plain.count("What is it?\n   7  P  0 to 1\n      ▁█\n  12  F\n") == 2
+    assert plain.count("Write a number > ") == 3
+    assert plain.count("no column is named") == 1
+    assert "\x1b[1;36m" not in shown.err  # numbers have no colour of their own
+
+
+def test_the_end_of_the_input_is_an_empty_reply(monkeypatch, capsys):
+    def end():
+        raise EOFError
+
+    monkeypatch.setattr("builtins.input", end)
+    assert ask(Question("What?", (), "", read_group)) == ""
+    assert "What?" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("inputs", "names", "count"), [(1, 1, 21), (1, 2, 20), (2, 2, 21)])
