@@ -1,0 +1,337 @@
+"""Which files a draft reads, which it leaves out, and on which of them it is tried, by hand."""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from reading import refused
+from recorded import recording, write
+
+from mapmore_cli.annexes.drafting import checked as checks
+from mapmore_cli.annexes.drafting import cleaning, second_log, studies
+from mapmore_cli.annexes.drafting import reading as drafts
+from mapmore_cli.annexes.drafting.checked import checked, with_few_files
+from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
+from mapmore_cli.annexes.drafting.names import NamedCondition
+from mapmore_cli.annexes.drafting.reading import table_of
+from mapmore_cli.annexes.drafting.sources import patterns, started
+from mapmore_cli.annexes.drafting.start import start
+from mapmore_cli.annexes.drafting.studies import find_studies
+from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.ingestion.samples import Samples
+
+K = np.arange(30.0)
+COLUMNS = {"time": {"column": "t"}, "u": {"column": "u"}}
+BARE = Draft({"name": "a", "data": {"columns": COLUMNS, "missing": "drop"}})
+
+
+# The draft is tried with the rules of `check`
+# --------------------------------------------------------------------------------------------------
+
+
+def few(folder, count, most, monkeypatch, **more):
+    """The draft of so many files at two levels, in which the last one calls its column `F`."""
+    for number in range(count):
+        write(folder / f"{number}.csv", {"t": K, "P": K + number})
+    monkeypatch.setattr(checks, "MOST", most)
+    files = [{"path": f"{number}.csv", "set": {"load": number % 2}} for number in range(count)]
+    own = {"columns": {"pressure": {"column": "F", "unit": "bar"}}}
+    columns = {"time": {"column": "t"}, "pressure": {"column": "P"}}
+    data = {"files": [*files[:-1], files[-1] | own], "reader": "csv", "columns": columns, **more}
+    draft = Draft({"data": data})
+    found, number = with_few_files(draft, folder)
+    assert number == count
+    return None if found is draft else found.data
+
+
+@pytest.mark.parametrize(
+    ("count", "most", "drawn"), [(3, 3, None), (4, 3, 3), (4, 2, 2), (4, 1, None)]
+)
+def test_files_are_drawn_if_there_are_more_than_can_be_examined(
+    tmp_path, monkeypatch, count, most, drawn
+):
+    """One of each level at least, unless there are more levels than files that can be drawn."""
+    found = few(tmp_path, count, most, monkeypatch)
+    assert (None if found is None else len(found["files"])) == drawn
+    if found is not None:
+        assert {one["set"]["load"] for one in found["files"]} == {0, 1}
+        paths = [one["path"] for one in found["files"]]
+        assert paths == sorted(paths)
+        own = {"3.csv": {"pressure": {"column": "F", "unit": "bar"}}}
+        assert all(one["columns"] == own.get(one["path"], {}) for one in found["files"])
+
+
+def test_no_files_are_held_out_by_name_if_only_some_are_drawn(tmp_path, monkeypatch):
+    for held_out in ({"recordings": ["0"]}, {"files": ["0.csv"]}, {"last": 0.3}):
+        split = {"validate": held_out}
+        found = few(tmp_path, 4, 3, monkeypatch, split=split)
+        assert ("split" in found) == ("last" in held_out)
+
+
+WRONG, BROKEN = SpecError("it is wrong", "mend it"), DataError("it is broken", "measure again")
+PLAIN, PLAINER = (replace(BARE, spec={**BARE.spec, "name": name}) for name in ("plain", "plainer"))
+
+
+@pytest.mark.parametrize(
+    ("faults", "name", "why"),
+    [
+        ({}, "a", None),
+        ({"a": BROKEN}, "plain", "simplified"),
+        ({"a": WRONG, "plain": BROKEN}, "plainer", "simplified"),
+        ({"a": WRONG, "plain": BROKEN, "plainer": BROKEN}, "a", "`check` finds an error: it is wr"),
+        ({"a": BROKEN, "plain": WRONG, "plainer": WRONG}, None, None),
+    ],
+)
+def test_the_first_draft_without_an_error_is_taken(monkeypatch, faults, name, why):
+    monkeypatch.setattr(checks, "with_few_files", lambda draft, _: (draft, 1))
+    monkeypatch.setattr(checks, "_fault", lambda draft, _: faults.get(draft.name))
+    if name is None:
+        with refused("a: it is broken", "measure again"):
+            checked(BARE, (PLAIN, PLAINER), Path())
+        return
+    found = checked(BARE, (PLAIN, PLAINER), Path())
+    assert found.name == name
+    assert [*found.open] == ([] if why is None else [("target",)])
+    assert why is None or found.open["target",].why.startswith(why)
+
+
+@pytest.mark.parametrize(
+    ("severities", "training", "more", "fault"),
+    [
+        ((), (5, 0), {}, None),  # the search needs five training samples in one of the curves
+        ((), (4, 4), {}, DataError),
+        ((), (4, 4), {"dictionary": []}, None),
+        (("warning",), (5,), {}, None),
+        (("warning", "error"), (5,), {}, SpecError),
+    ],
+)
+def test_the_errors_of_check_and_too_few_samples_are_faults(
+    monkeypatch, severities, training, more, fault
+):
+    issue = SimpleNamespace(message="", id="x", remedy="", cause="spec")
+    issues = [SimpleNamespace(**{**vars(issue), "severity": one}) for one in severities]
+    curves = [SimpleNamespace(training=np.arange(9) < count) for count in training]
+    monkeypatch.setattr(checks, "load_text", lambda *_: SimpleNamespace(spec=None))
+    monkeypatch.setattr(checks, "slice_of", lambda _: None)
+    monkeypatch.setattr(checks, "build_dataset", lambda *_: SimpleNamespace(curves=curves))
+    monkeypatch.setattr(checks, "issues_of", lambda *_: issues)
+    found = checks._fault(replace(BARE, spec={**BARE.spec, **more}), Path())
+    assert (None if found is None else type(found)) == fault
+
+
+# Files and clocks that cannot be read
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("is_joined", [False, True])
+@pytest.mark.parametrize("is_most", [False, True])
+def test_ways_to_read_a_folder_in_their_order(monkeypatch, is_joined, is_most):
+    """First the gaps, then files, then both, then the clock, then the clock and files. A way that
+    leaves out most files is taken only if no other one is left.
+    """
+    ways = []
+
+    def read(draft, _folder, _target):
+        data = draft.data
+        ways.append(("gaps" in data, data.get("skip_bad_files", False), "time" in data["columns"]))
+        if len(ways) < 3:
+            raise DataError("a.csv: is wrong")
+        return draft, [], is_most
+
+    monkeypatch.setattr(cleaning, "_read_tolerantly", read)
+    draft = BARE.with_data("join", []) if is_joined else BARE
+    expected = [(False, False, True), (True, False, True), (False, True, True), (True, True, True)]
+    if not is_joined:
+        expected += [(False, False, False), (False, True, False)]
+    found, _ = cleaning.cleaned(draft, Path(), "u")
+    assert ways == (expected[:3] if is_most else expected)
+    is_clock_left_out = not (is_joined or is_most)
+    assert ("time" in found.data["columns"]) != is_clock_left_out
+    assert (("data", "columns") in found.open) == is_clock_left_out
+
+
+@pytest.mark.parametrize(
+    ("skip", "names", "is_most", "bad"),
+    [
+        (False, "abcd", True, None),
+        (True, "ab", True, ["c.csv", "d.csv"]),  # half of the files
+        (True, "a", False, ["b.csv", "c.csv", "d.csv"]),
+    ],
+)
+def test_files_without_a_recording_are_left_out_by_name(
+    monkeypatch, tmp_path, skip, names, is_most, bad
+):
+    for name in "abcd":
+        write(tmp_path / f"{name}.csv", {"t": K, "u": K})
+    found = SimpleNamespace(recordings=[recording(name, u=K) for name in names], notes=[])
+
+    def read(_draft, _folder, _target, warn):
+        for warning in ("c.csv: is left out as a bad file: why", "b.csv: something else"):
+            warn(warning)
+        return found
+
+    monkeypatch.setattr(cleaning, "read_draft", read)
+    draft = BARE.with_data("files", ["*.csv"])
+    for key, value in (("repeated_time", "spread"), ("glitches", "drop"), ("skip_bad_files", skip)):
+        draft = draft.with_data(key, value)
+    draft, recordings, is_enough = cleaning._read_tolerantly(draft, tmp_path, "u")
+    assert (recordings, is_enough) == (found.recordings, is_most)
+    assert draft.data["skip_bad_files"] == (bad or False)
+    assert draft.bad_files == ("c.csv: is left out as a bad file: why" if skip else "")
+
+
+def samples(**columns):
+    return Samples({name: np.array(x) for name, x in columns.items()}, range(2), "a.csv")
+
+
+def test_a_column_that_is_empty_in_half_of_the_files_is_not_read():
+    """If it is empty in fewer files, these files are not read."""
+    full, empty = samples(x=[1.0, np.nan], y=[1.0, 2.0]), samples(x=[np.nan] * 2, y=[1.0, 2.0])
+    assert drafts._without_bad([full, empty]) == [full, empty]
+    assert drafts._without_bad([full, full, empty]) == [full, full]
+
+
+@pytest.mark.parametrize(("bad", "count"), [(1, 2), (1, 3), (2, 4), (2, 5)])
+def test_a_few_files_are_read_if_more_than_half_of_them_can_be(monkeypatch, tmp_path, bad, count):
+    for number in range(count):
+        write(tmp_path / f"{number}.csv", {"u": K + number})
+
+    def read(source, *_):
+        if int(source.id) < bad:
+            raise DataError(f"{source.name}: is wrong")
+        return [samples(column_0=[1.0, 2.0])]
+
+    monkeypatch.setattr(drafts, "read_tables", read)
+    section = {"files": ["*.csv"], "reader": "csv"}
+    if 2 * bad == count:
+        with refused("0.csv: is wrong"):
+            drafts._read_columns(section, tmp_path, ("u",))
+    else:
+        assert len(drafts._read_columns(section, tmp_path, ("u",))["u"]) == count - bad
+
+
+@pytest.mark.parametrize("is_empty", [False, True])
+def test_texts_and_numbers_of_a_column_stand_in_every_file(tmp_path, is_empty):
+    for number in range(2):
+        is_full = not (is_empty and number)
+        cells = ([k, k * k, k % 7 + number, "ab"[k % 2]] for k in range(9))
+        rows = [row if is_full else [*row[:2], "", ""] for row in cells]
+        lines = [",".join(map(str, row)) for row in [["t", "v", "u", "state"], *rows]]
+        (tmp_path / f"{number}.csv").write_text("\n".join([*lines, ""]))
+    ((study,), _) = find_studies(tmp_path)
+    table = table_of(study, tmp_path)
+    assert bool(table["u"].values) != is_empty
+    assert bool(table["state"].texts) != is_empty
+
+
+# The files of a study
+# --------------------------------------------------------------------------------------------------
+
+
+def test_a_glob_may_match_bad_files(tmp_path):
+    for name in "abc":
+        write(tmp_path / f"run_{name}.csv", {"u": K})
+    (tmp_path / "run_c.csv").write_text("")
+    files = [tmp_path / f"run_{name}.csv" for name in "ab"]
+    assert patterns(files, tmp_path, [tmp_path / "run_c.csv"]) == ["run_*.csv"]
+    assert patterns(files, tmp_path) == ["run_a.csv", "run_b.csv"]
+
+
+def test_a_draft_names_bad_files_and_doubts_about_names(tmp_path):
+    names = ("b0", "m1", "q2")
+    for number, name in enumerate(names):
+        write(tmp_path / f"{name}.csv", {"t [s]": K, "P [kPa]": K + number})
+    (tmp_path / "e.csv").write_text("")
+    (tmp_path / "zzz.csv").write_text((tmp_path / "b0.csv").read_text())
+    (study,), _ = find_studies(tmp_path)
+    certain = NamedCondition("load", "", (1, 1, 1), "load 1")
+    draft = started(study, tmp_path, [certain, replace(certain, quantity="mass", sure=False)])
+    assert not draft.notes["data", "files"].sure
+    assert started(study, tmp_path, [certain]).notes["data", "files"].sure
+    assert draft.data["skip_bad_files"] == ["e.csv", "zzz.csv"]
+    assert draft.notes["data", "skip_bad_files"].why.startswith("e.csv: is empty")
+    assert ("data", "header") not in draft.notes
+    assert started(study, tmp_path).data["files"] == ["*.csv"]
+    for number, name in enumerate(names):
+        write(tmp_path / f"{name}.csv", {"t [s]": K, "P [kPa]": K + number}, "")
+    (study,), _ = find_studies(tmp_path)
+    assert ("data", "header") in started(study, tmp_path).notes
+
+
+def test_files_whose_columns_have_another_order_are_sorted_among_the_others(tmp_path, monkeypatch):
+    columns = {"t [s]": K, "P [kPa]": K**2, "F [N]": -K}
+    for name in "abc":
+        own = [*columns.items()][:: -1 if name == "a" else 1]
+        write(tmp_path / f"rig/{name}.csv", {title: x + ord(name) for title, x in own})
+    (tmp_path / "rig/e.csv").write_text("")
+    (tmp_path / "rig/d.csv").write_text("")
+    found = Path.rglob
+    monkeypatch.setattr(Path, "rglob", lambda *how: sorted(found(*how), reverse=True))
+    ((study,), reasons) = find_studies(tmp_path)
+    assert [file.stem for file in study.files] == ["a", "b", "c"]
+    assert [file.stem for file in study.variants] == ["a"]
+    assert [reason.partition(":")[0] for reason in reasons] == ["d.csv", "e.csv"]
+    assert study.name == "rig"
+
+
+def test_columns_without_a_title_must_stand_at_the_same_place(tmp_path):
+    rows = "".join(f"{k},{k * k},{k**3}\n" for k in range(30))
+    for name, titles in (("a", "t [s],,F [N]"), ("b", "t [s],F [N],")):
+        (tmp_path / f"{name}.csv").write_text(f"{titles}\n{rows}")
+    assert len(find_studies(tmp_path)[0]) == 2
+
+
+def test_a_single_file_gives_its_name_to_the_study(tmp_path):
+    write(tmp_path / "rig/pull.csv", {"t": K, "u": K})
+    ((study,), _) = find_studies(tmp_path)
+    assert study.name == "pull"
+
+
+def test_copies_are_equal_beyond_their_beginnings(tmp_path, monkeypatch):
+    monkeypatch.setattr(studies, "HEAD", 4)
+    paths = [tmp_path / name for name in ("a", "b", "c1")]
+    for path, text in zip(paths, ("t,u\n1,2\n", "t,u\n1,3\n", "t,u\n1,2\n"), strict=True):
+        path.write_text(text)
+        os.utime(path, ns=(0, 0))
+    assert studies._copies(paths) == {paths[2]: paths[0]}
+
+
+def test_a_folder_without_recordings_is_refused_with_the_endings_that_are_read(tmp_path):
+    with pytest.raises(DataError) as caught:
+        start(tmp_path, tmp_path)
+    endings = caught.value.remedy.partition("endings ")[2].split()
+    assert endings == sorted(endings)
+    assert {".csv", ".xlsx"} < {*endings}
+
+
+# A second log
+# --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("is_shifted", "shift"), [(True, "auto"), (False, 0.0)])
+def test_a_second_log_is_interpolated_over_five_of_its_steps(monkeypatch, is_shifted, shift):
+    """Repeated stamps are no steps."""
+    columns = {"time": NamedColumn("ms", "ms"), "pressure": NamedColumn("p", "bar", "why")}
+    clock = SimpleNamespace(column="ms", title="", values=[np.repeat(100.0 * np.arange(9), 3)])
+    monkeypatch.setattr(second_log, "table_of", lambda *_: {"ms": clock})
+    monkeypatch.setattr(second_log, "known_by_titles", lambda _: (columns, {}))
+    monkeypatch.setattr(second_log, "started", lambda *_: SimpleNamespace(data={"files": ["b"]}))
+
+    def read(draft, _folder, target):
+        (join,) = draft.data["join"]
+        assert (join["shift"], join["match"]["first"], target) == ("auto", "F", "F")
+        if not is_shifted:
+            raise DataError("another shift is nearly as good")
+        return SimpleNamespace(notes=["a: something", "b.csv: shift -3 s, found from p and F"])
+
+    monkeypatch.setattr(second_log, "read_draft", read)
+    draft = second_log.with_second_log(BARE, SimpleNamespace(files=[]), Path(), "F", {})
+    (join,) = draft.data["join"]
+    assert (join["files"], join["shift"], join["max_gap"]) == (["b"], shift, 0.5)
+    assert ("match" in join) == is_shifted
+    note = draft.notes["data", "join"]
+    assert note.sure == is_shifted
+    assert ("shift -3 s" in note.why) == is_shifted
