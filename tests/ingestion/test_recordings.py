@@ -373,7 +373,7 @@ def test_effects_of_groups_are_taken_off_all_that_is_measured(ingest, monkeypatc
 
     monkeypatch.setattr("mapmore_cli.ingestion.dataset.without_effects", without)
     derive = {"work": "force*strain", "double": "2*work", "other": "2*strain"}
-    derive |= {name: "force/2" for name in "hgfe"}
+    derive |= dict.fromkeys("hgfe", "force/2")
     groups = {"of": "day", "gain": True}
     columns = {**COLUMNS, "day": {"column": "day"}}
     text = csv_text(t=[0, 1], P=80, eps=0, F=[1, 2], day=[1, 2])

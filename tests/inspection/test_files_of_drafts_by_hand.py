@@ -255,6 +255,7 @@ def test_a_draft_names_bad_files_and_doubts_about_names(tmp_path):
     assert draft.notes["data", "skip_bad_files"].why.startswith("e.csv: is empty")
     assert ("data", "header") not in draft.notes
     assert started(study, tmp_path).data["files"] == ["*.csv"]
+    (tmp_path / "zzz.csv").unlink()
     for number, name in enumerate(names):
         write(tmp_path / f"{name}.csv", {"t [s]": K, "P [kPa]": K + number}, "")
     (study,), _ = find_studies(tmp_path)
