@@ -3,6 +3,7 @@ warning.
 """
 
 import io
+from contextlib import nullcontext
 
 import h5py
 import numpy as np
@@ -102,6 +103,18 @@ def test_a_factor_of_the_file_and_one_of_the_spec(ingest):
         "a.h5: 'F' is scaled by the file itself, and `scale: 0.1` scales it again; remove `scale` "
         "if only one of the two is meant"
     ]
+
+
+def test_a_quantity_without_a_usual_unit_may_have_any_unit_unless_the_spec_gives_one(ingest):
+    """A strain is a fraction, although it has no unit either."""
+    for name, own in (("duty", {}), ("input", {}), ("duty", {"unit": "1"})):
+        asked = {
+            "pressure": {"column": "P"},
+            "force": {"column": "F"},
+            name: {"column": "eps", **own},
+        }
+        with refused("'eps' is in V") if own else nullcontext():
+            assert read(ingest, hdf5(eps="V"), columns=asked)[1] == []
 
 
 def test_units_by_meaning():

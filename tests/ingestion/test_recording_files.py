@@ -2,6 +2,7 @@ import os
 from contextlib import nullcontext
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from reading import refused
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.files import find_sources, unique_ids
 from mapmore_cli.ingestion.globs import expand, is_file_named
+from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.study.sections.logs import FileEntry
 
 
@@ -66,6 +68,12 @@ def test_hidden_files_and_folders_are_meant_only_by_a_dot(tree):
     ):
         with refused("no such file") if not found else nullcontext():
             assert [source.name for source in find_sources([pattern], tree)] == found
+
+
+def test_the_progress_counts_the_bytes_of_files_and_not_of_tables_in_memory(tree):
+    table = RawTable({"P": np.ones(3)}, range(3), "memory")
+    sources = find_sources(["here.csv", "memory"], tree, tables={"memory": table})
+    assert [source.bytes for source in sources] == [2, 0]
 
 
 def test_entries_carry_constants_and_an_id(tree):

@@ -11,16 +11,18 @@ from reading import refused
 from recorded import recording, write
 
 from mapmore_cli.annexes.drafting import checked as checks
-from mapmore_cli.annexes.drafting import cleaning, second_log, studies
+from mapmore_cli.annexes.drafting import cleaning, commands, second_log, studies
 from mapmore_cli.annexes.drafting import reading as drafts
 from mapmore_cli.annexes.drafting.checked import checked, with_few_files
+from mapmore_cli.annexes.drafting.commands import init
 from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
 from mapmore_cli.annexes.drafting.names import NamedCondition
 from mapmore_cli.annexes.drafting.reading import table_of
 from mapmore_cli.annexes.drafting.sources import patterns, started
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.annexes.drafting.studies import find_studies
-from mapmore_cli.domain.errors import DataError, SpecError
+from mapmore_cli.cli.console import STANDARD
+from mapmore_cli.domain.errors import DataError, SpecError, UsageError, WriteError
 from mapmore_cli.ingestion.samples import Samples
 
 K = np.arange(30.0)
@@ -336,3 +338,35 @@ def test_a_second_log_is_interpolated_over_five_of_its_steps(monkeypatch, is_shi
     note = draft.notes["data", "join"]
     assert note.sure == is_shifted
     assert ("shift -3 s" in note.why) == is_shifted
+
+
+# The files that are written
+# --------------------------------------------------------------------------------------------------
+
+
+def test_specs_that_exist_are_named_in_order_after_the_others_were_written(tmp_path):
+    draft = BARE.with_section("target", "u")
+    paths = [tmp_path / f"{name}.yaml" for name in "dcba"]
+    for path in paths[1:]:
+        path.write_text("own")
+    reporter = SimpleNamespace(say=lambda _: None)
+    files = {path: (draft.text(), draft) for path in paths}
+    names = ", ".join(f"{tmp_path}/{name}.yaml" for name in "abc")
+    with refused(f"{names}: already exists", error=WriteError):
+        commands._write(files, False, reporter)
+    assert [path.read_text() == "own" for path in paths] == [False, True, True, True]
+    commands._write(files, True, reporter)
+    assert all(path.read_text() == draft.text() for path in paths)
+    foreign = tmp_path / "recording.csv"
+    foreign.write_text("t,u\n1,2\n")
+    with refused("recording.csv", error=WriteError):
+        commands._refuse([foreign], force=True)
+
+
+def test_one_spec_is_written_to_the_standard_output_but_not_two(tmp_path, capsys):
+    wave = np.sin(np.append(K, 2 * K))
+    write(tmp_path / "a.csv", {"u": wave, "F [N]": wave**2, "x [mm]": wave**3})
+    init(tmp_path, output=STANDARD, target="F", yes=True)
+    assert "\ntarget: static\n" in capsys.readouterr().out
+    with pytest.raises(UsageError, match="2 specs cannot be written as one text"):
+        init(tmp_path, output=STANDARD, target="F,x", yes=True)
