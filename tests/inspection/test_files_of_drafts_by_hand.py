@@ -27,6 +27,7 @@ from mapmore_cli.ingestion.samples import Samples
 
 K = np.arange(30.0)
 COLUMNS = {"time": {"column": "t"}, "u": {"column": "u"}}
+OWN = {"pressure": {"column": "F", "unit": "bar"}}
 BARE = Draft({"name": "a", "data": {"columns": COLUMNS, "missing": "drop"}})
 
 
@@ -35,14 +36,16 @@ BARE = Draft({"name": "a", "data": {"columns": COLUMNS, "missing": "drop"}})
 
 
 def few(folder, count, most, monkeypatch, **more):
-    """The draft of so many files at two levels, in which the last one calls its column `F`."""
+    """The draft of so many files at two levels, which call the column of the pressure `F`."""
     for number in range(count):
         write(folder / f"{number}.csv", {"t": K, "P": K + number})
     monkeypatch.setattr(checks, "MOST", most)
-    files = [{"path": f"{number}.csv", "set": {"load": number % 2}} for number in range(count)]
-    own = {"columns": {"pressure": {"column": "F", "unit": "bar"}}}
+    files = [
+        {"path": f"{number}.csv", "set": {"load": number % 2}, "columns": OWN}
+        for number in range(count)
+    ]
     columns = {"time": {"column": "t"}, "pressure": {"column": "P"}}
-    data = {"files": [*files[:-1], files[-1] | own], "reader": "csv", "columns": columns, **more}
+    data = {"files": files, "reader": "csv", "columns": columns, **more}
     draft = Draft({"data": data})
     found, number = with_few_files(draft, folder)
     assert number == count
@@ -62,8 +65,7 @@ def test_files_are_drawn_if_there_are_more_than_can_be_examined(
         assert {one["set"]["load"] for one in found["files"]} == {0, 1}
         paths = [one["path"] for one in found["files"]]
         assert paths == sorted(paths)
-        own = {"3.csv": {"pressure": {"column": "F", "unit": "bar"}}}
-        assert all(one["columns"] == own.get(one["path"], {}) for one in found["files"])
+        assert all(one["columns"] == OWN for one in found["files"])
 
 
 def test_no_files_are_held_out_by_name_if_only_some_are_drawn(tmp_path, monkeypatch):

@@ -258,7 +258,8 @@ def test_texts_are_alike_if_their_beginnings_differ_only_in_numbers(tmp_path, mo
     monkeypatch.setattr(first_lines, "HEAD", 14)
     (tmp_path / "a.csv").write_bytes(b"")
     assert kinds_of_lines(tmp_path / "a.csv") == ()
-    for text in (b"t,F\n1,2\n33,4\n", b"t,F\n10,2\n3,47\n", b"t,F\n1,2\n"):  # the second is cut
+    for text in (b"t,F\n1,2\n33,4\n", b"t,F\n10,2\n3,47\n", b"t,F\n1,2\nremark on"):
+        # from 14 bytes on, the last line is cut
         (tmp_path / "a.csv").write_bytes(text)
         assert kinds_of_lines(tmp_path / "a.csv") == (b"t,F", b"0,0")
 
