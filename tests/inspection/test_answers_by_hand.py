@@ -1,6 +1,7 @@
 """Answers of a person: names, quantities and ranges of columns, and the courses that are shown."""
 
 import re
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
@@ -20,7 +21,16 @@ from mapmore_cli.annexes.drafting.by_person import named_by_person, refuse_choic
 from mapmore_cli.annexes.drafting.columns import TitledColumn
 from mapmore_cli.annexes.drafting.commands import ask
 from mapmore_cli.annexes.drafting.draft import NamedColumn
-from mapmore_cli.annexes.drafting.questions import BLOCKS, Option, Question, course, interview
+from mapmore_cli.annexes.drafting.finding import find
+from mapmore_cli.annexes.drafting.questions import (
+    BLOCKS,
+    Asked,
+    Option,
+    Question,
+    _inputs,
+    course,
+    interview,
+)
 from mapmore_cli.domain.errors import UsageError
 
 
@@ -161,6 +171,20 @@ def test_the_course_of_a_column_in_forty_signs():
     assert len(course([np.arange(39.0)])) == 39
     assert course([np.ones(3)]) == "▁▁▁"
     assert course([np.arange(9.0)], 3) == "▁▅█"
+
+
+@pytest.mark.parametrize(
+    ("reply", "inputs"),
+    [("", None), ("1,2", ["s1", "s2"]), ("-1", ["s2", "t"]), ("4", UsageError), ("5", UsageError)],
+)
+def test_the_inputs_are_those_of_a_reply_or_all_others_but_no_target(reply, inputs):
+    columns = {name: NamedColumn(name) for name in ("s1", "s2", "t", "force", "x")}
+    known = SimpleNamespace(columns=columns, targets=["force", "x"], inputs=["s1", "s2", "t"])
+    table = TABLE | {"x": titled(5, "x", WAVE**2)}
+    question = _inputs(Asked(table, ["run"], lambda _: known, Answers()))
+    with pytest.raises(inputs) if inputs is UsageError else nullcontext():
+        found = question.take(reply).inputs
+        assert (found and [str(find(table, x.column, "").title) for x in found.values()]) == inputs
 
 
 def test_a_question_is_asked_on_the_terminal_until_the_reply_is_valid(monkeypatch, capsys):

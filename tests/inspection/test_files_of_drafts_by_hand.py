@@ -13,6 +13,7 @@ from recorded import recording, write
 from mapmore_cli.annexes.drafting import checked as checks
 from mapmore_cli.annexes.drafting import cleaning, commands, second_log, studies
 from mapmore_cli.annexes.drafting import reading as drafts
+from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.checked import checked, with_few_files
 from mapmore_cli.annexes.drafting.commands import init
 from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
@@ -231,6 +232,22 @@ def test_texts_and_numbers_of_a_column_stand_in_every_file(tmp_path, is_empty):
     assert bool(table["state"].texts) != is_empty
 
 
+@pytest.mark.parametrize(
+    ("states", "is_text"),
+    [
+        *(("abab", True), ("aba", False)),  # each text stands in two rows on average
+        *(("a    b    ", True), ("a    b   ", False), ("a         ", False)),  # in five rows
+        *((" a    b    ", False), ("abcdefabcdef", True), ("abcdefabcde", False)),
+    ],
+)
+def test_texts_of_a_column_repeat(tmp_path, states, is_text):
+    """A text also describes the empty cells below it, if it stands in the first row."""
+    rows = [f"{k},{k * k},{state}" for k, state in enumerate(states)]
+    (tmp_path / "a.csv").write_text("\n".join(["t,v,state", *rows, ""]))
+    ((study,), _) = find_studies(tmp_path)
+    assert bool(table_of(study, tmp_path)["state"].texts) == is_text
+
+
 # The files of a study
 # --------------------------------------------------------------------------------------------------
 
@@ -290,9 +307,13 @@ def test_columns_without_a_title_must_stand_at_the_same_place(tmp_path):
 
 
 def test_a_single_file_gives_its_name_to_the_study(tmp_path):
-    write(tmp_path / "rig/pull.csv", {"t": K, "u": K})
-    ((study,), _) = find_studies(tmp_path)
-    assert study.name == "pull"
+    wave = np.sin(K)
+    write(tmp_path / "rig/pull.csv", {"P [kPa]": wave, "F [N]": wave**2, "x [mm]": wave**3})
+    told = []
+    for target, names in (("F", ["pull"]), ("F,x", ["pull-force", "pull-displacement"])):
+        found = start(tmp_path, tmp_path, answers=answers_of(target=target), tell=told.append)
+        assert [draft.name for draft in found.drafts] == names
+    assert told == []  # there is only one layout
 
 
 def test_copies_are_equal_beyond_their_beginnings(tmp_path, monkeypatch):
