@@ -180,6 +180,10 @@ def test_at_most_four_folders_with_results_are_named_in_alphabetical_order(tree,
 def test_bad_files_are_left_out_only_if_the_spec_names_them(tree):
     for bad, left in ((True, 2), (False, 2), (["here.csv"], 1), (["*.csv"], 0)):
         assert len(find_sources(["*.csv"], tree, bad=bad)) == left
+    (tree / "empty.csv").write_text("")
+    assert len(find_sources(["*.csv"], tree, bad=["empty.csv"])) == 2
+    with refused("empty.csv: is empty"):
+        find_sources(["*.csv"], tree)
 
 
 def test_what_is_no_file_of_a_recording_is_named(tree):

@@ -133,7 +133,7 @@ def test_columns_of_a_person_are_in_the_given_unit():
     assert (force.unit, force.sure) == ("N", False)
     assert named("force:lbf")["force"].sure
     known = {"F": NamedColumn("force", "kN", "why")}
-    assert named("4", known=known)["F"].unit == "kN"
+    assert (named("4", known=known)["F"].unit, named("4", known=known)["F"].sure) == ("kN", True)
 
 
 def test_columns_that_move_are_listed_with_the_command():

@@ -40,6 +40,7 @@ from mapmore_cli.annexes.drafting.spelling import spelt, words
 from mapmore_cli.annexes.drafting.understanding import _measured
 from mapmore_cli.annexes.drafting.written_columns import with_strain
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.study.units import convert
 
 
 def column(*values, title="", place=0, quantity="", unit="", **more):
@@ -167,8 +168,8 @@ def test_a_clock_in_parts_may_step_back_once_in_a_hundred(steps_back, is_clock):
 
 @pytest.mark.parametrize(("coarser", "finer"), [*combinations(PARTS, 2)])
 def test_a_part_restarts_when_the_part_before_it_increases(coarser, finer):
-    turn = round(PARTS[coarser][1] / PARTS[finer][1])
-    last, first = PARTS[coarser][0].split()[-1], PARTS[finer][0].split()[0]
+    turn = round(convert(1.0, coarser, finer))
+    last, first = PARTS[coarser].split()[-1], PARTS[finer].split()[0]
 
     def found(finer_numbers):
         coarse = column([1_700_000_000.0, 1_700_000_001.0, 1_700_000_001.0], title=last)
@@ -416,7 +417,8 @@ def test_groups_by_the_number_behind_their_word_then_the_letter_then_the_words()
                 [form.format(word, bar) for word in (first, other) for bar in "12"], "specimen"
             )
             assert [groups.index(one) for one in groups] == [0, 0, 2, 2]
-    assert numbered_groups(["s7", "s5", "s7"], "sample").values == (2, 1, 2)
+    groups = numbered_groups(["s7", "s5", "s7"], "sample")
+    assert (groups.values, groups.sure) == ((2, 1, 2), True)
 
 
 def test_held_out_files_are_named_by_what_they_are_for():
@@ -472,6 +474,7 @@ def test_a_draft_has_sections_keys_and_notes():
     assert draft.spec["data"] == {"files": ["x"], "levels": {"of": "P"}, "skip_bad_files": True}
     assert draft.open == {("data", "levels"): Note("by name", sure=False)}
     assert draft.notes["units",] == Note("titles")
+    assert empty.with_data("files", ["y"], "why").open == {}
     assert draft.bad_files == ""
     for sure, files in ((False, "b.csv"), (True, "")):
         assert draft.noted(("data", "skip_bad_files"), "b.csv", sure).bad_files == files

@@ -1,6 +1,7 @@
 """Which files a draft reads, which it leaves out, and on which of them it is tried, by hand."""
 
 import os
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -137,10 +138,11 @@ def test_ways_to_read_a_folder_in_their_order(monkeypatch, is_joined, is_most):
     """First the gaps, then files, then both, then the clock, then the clock and files. A way that
     leaves out most files is taken only if no other one is left.
     """
-    ways = []
+    ways, minute = [], {"longer_than": 60.0, "action": "split"}
 
     def read(draft, _folder, _target):
         data = draft.data
+        assert data.get("gaps", minute) == minute
         ways.append(("gaps" in data, data.get("skip_bad_files", False), "time" in data["columns"]))
         if len(ways) < 3:
             raise DataError("a.csv: is wrong")
@@ -286,7 +288,7 @@ def test_a_draft_names_bad_files_and_doubts_about_names(tmp_path):
 def test_files_whose_columns_have_another_order_are_sorted_among_the_others(tmp_path, monkeypatch):
     columns = {"t [s]": K, "P [kPa]": K**2, "F [N]": -K}
     for name in "abc":
-        own = [*columns.items()][:: -1 if name == "a" else 1]
+        own = [*columns.items()][:: -1 if name == "b" else 1]
         write(tmp_path / f"rig/{name}.csv", {title: x + ord(name) for title, x in own})
     (tmp_path / "rig/e.csv").write_text("")
     (tmp_path / "rig/d.csv").write_text("")
@@ -294,7 +296,7 @@ def test_files_whose_columns_have_another_order_are_sorted_among_the_others(tmp_
     monkeypatch.setattr(Path, "rglob", lambda *how: sorted(found(*how), reverse=True))
     ((study,), reasons) = find_studies(tmp_path)
     assert [file.stem for file in study.files] == ["a", "b", "c"]
-    assert [file.stem for file in study.variants] == ["a"]
+    assert [file.stem for file in study.variants] == ["b"]
     assert [reason.partition(":")[0] for reason in reasons] == ["d.csv", "e.csv"]
     assert study.name == "rig"
 
@@ -393,3 +395,36 @@ def test_one_spec_is_written_to_the_standard_output_but_not_two(tmp_path, capsys
     assert "\ntarget: static\n" in capsys.readouterr().out
     with pytest.raises(UsageError, match="2 specs cannot be written as one text"):
         init(tmp_path, output=STANDARD, target="F,x", yes=True)
+
+
+def test_without_options_the_clock_is_used_nothing_is_replaced_and_a_person_is_asked(
+    tmp_path, capsys, monkeypatch
+):
+    wave, asked = np.sin(np.append(K, 2 * K)), []
+    columns = {"t [s]": np.arange(60.0), "u": wave, "F [N]": wave**2}
+    write(tmp_path / "a.csv", columns)
+    spec = tmp_path / "spec.yaml"
+    monkeypatch.setattr(commands, "ask", lambda question: asked.append(question.text) or "")
+    init(tmp_path, output=spec, target="F")
+    assert asked == []  # this is no terminal
+    assert "    time: " in spec.read_text()
+    assert f"Next: mapmore check {spec}" in capsys.readouterr().err
+    with refused("already exists", error=WriteError):
+        init(tmp_path, output=spec, target="F")
+    for stream in ("stdin", "stderr"):
+        monkeypatch.setattr(getattr(sys, stream), "isatty", lambda: True, raising=False)
+    for more in ({"yes": True}, {"quiet": True}, {}):
+        assert asked == []
+        init(tmp_path, output=spec, target="F", force=True, **more)
+    assert asked != []
+
+
+def test_every_layout_gets_a_draft_unless_one_is_wanted(tmp_path):
+    wave = np.sin(np.append(K, 2 * K))
+    write(tmp_path / "a.csv", {"u": wave, "F [N]": wave**2})
+    write(tmp_path / "b.csv", {"u": wave, "n": wave**3, "F [N]": wave**2})
+    answers = answers_of(target="F")
+    assert len(start(tmp_path, tmp_path, answers=answers).drafts) == 2
+    one = start(tmp_path, tmp_path, single=True, answers=answers)
+    assert len(one.drafts) == 1
+    assert any("another study" in remark for remark in one.remarks)
