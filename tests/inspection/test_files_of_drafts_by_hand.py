@@ -301,6 +301,34 @@ def test_files_whose_columns_have_another_order_are_sorted_among_the_others(tmp_
     assert study.name == "rig"
 
 
+@pytest.mark.parametrize(
+    ("titles", "count"),
+    [(("P [bar]", "P [kPa]"), 1), (("P", "P [kPa]"), 2), (("bend [deg]", "bend [rad]"), 2)],
+)
+def test_files_of_one_study_differ_only_in_the_unit_of_a_known_quantity(tmp_path, titles, count):
+    for number, title in enumerate(titles):
+        write(tmp_path / f"{number}.csv", {title: K + number, "u": K})
+    assert len(find_studies(tmp_path)[0]) == count
+
+
+@pytest.mark.parametrize(
+    ("said", "target", "derived"),
+    [
+        ({"target": "F"}, "static", False),
+        ({"target": "F", "length": "80mm"}, "static", True),
+        ({"target": "x", "inputs": "P", "length": "80mm"}, "strain", True),
+    ],
+)
+def test_with_a_length_the_strain_is_modelled_instead_of_the_displacement(
+    tmp_path, said, target, derived
+):
+    wave = np.sin(np.append(K, 2 * K))
+    write(tmp_path / "a.csv", {"P [kPa]": wave, "x [mm]": wave**3, "F [N]": wave**2})
+    (draft,) = start(tmp_path, tmp_path, answers=answers_of(**said)).drafts
+    assert draft.spec["target"] == target
+    assert ("derive" in draft.data) == derived
+
+
 def test_columns_without_a_title_must_stand_at_the_same_place(tmp_path):
     rows = "".join(f"{k},{k * k},{k**3}\n" for k in range(30))
     for name, titles in (("a", "t [s],,F [N]"), ("b", "t [s],F [N],")):
