@@ -31,6 +31,7 @@ from mapmore_cli.annexes.drafting.questions import (
     course,
     interview,
 )
+from mapmore_cli.annexes.drafting.understanding import _group_of
 from mapmore_cli.domain.errors import UsageError
 
 
@@ -124,6 +125,18 @@ def test_ranges_and_patterns_of_columns_mean_all_that_move_but_the_time():
         with pytest.raises(UsageError, match=words):
             named(text)
     assert named("x=f*")["x"].column == "force"
+
+
+def test_groups_are_a_column_by_its_number_or_title_or_else_a_word_in_names():
+    assert _group_of(TABLE, None, {}) == (None, {})
+    assert _group_of(TABLE, "specimen", {}) == ("specimen", {})
+    for said in ("1", "s1"):
+        name, columns = _group_of(TABLE, said, {})
+        assert (name, columns["s1"].column) == ("s1", "s1")
+    name, columns = _group_of(TABLE, "1", {"wave": NamedColumn("s1", "kPa")})
+    assert (name, columns["wave"].unit) == ("wave", "kPa")
+    with pytest.raises(UsageError, match="--group: no column is called 9"):
+        _group_of(TABLE, "9", {})
 
 
 def test_columns_of_a_person_are_in_the_given_unit():

@@ -164,6 +164,10 @@ def test_recordings_of_one_file_and_pieces_of_a_log_are_held_out_whole():
     trials = [recording(f"r[{k}]", y=[1, 2], n=k) for k in (9, 3, 5, 4)]
     done = experiment(*trials, apart=["n"])
     assert with_split(BARE, done, None).data["split"] == {"validate": {"n": [4]}}
+    many = [recording(f"r[{k}]", y=[1, 2], n=k) for k in range(7)]
+    for count, held_out in ((3, [1]), (5, [1]), (6, [1, 4]), (7, [1, 4])):
+        some = replace(done, recordings=many[:count])
+        assert with_split(BARE, some, None).data["split"] == {"validate": {"n": held_out}}
     two = replace(done, recordings=trials[:2])
     assert with_split(BARE, two, "recordings").data["split"] == {"validate": {"n": [9]}}
     pieces = [recording(f"{log}#{k}", log, y=[1, 2]) for log in "abcd" for k in (1, 2)]

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,14 +19,16 @@ from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.checked import checked, with_few_files
 from mapmore_cli.annexes.drafting.commands import init
 from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
+from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.annexes.drafting.names import NamedCondition
 from mapmore_cli.annexes.drafting.reading import table_of
 from mapmore_cli.annexes.drafting.sources import patterns, started
 from mapmore_cli.annexes.drafting.start import start
-from mapmore_cli.annexes.drafting.studies import find_studies
+from mapmore_cli.annexes.drafting.studies import FolderStudy, find_studies
 from mapmore_cli.cli.console import STANDARD
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError, WriteError
 from mapmore_cli.ingestion.samples import Samples
+from mapmore_cli.storage.tables.cells import NotANumber
 
 K = np.arange(30.0)
 COLUMNS = {"time": {"column": "t"}, "u": {"column": "u"}}
@@ -220,6 +223,39 @@ def test_a_few_files_are_read_if_more_than_half_of_them_can_be(monkeypatch, tmp_
         assert len(drafts._read_columns(section, tmp_path, ("u",))["u"]) == count - bad
 
 
+@pytest.mark.parametrize(
+    ("cell", "is_known", "is_told"),
+    [
+        *(
+            ("", True, True),
+            ("#REF!", True, True),
+            ("Err:502", True, True),
+            ("-1.5 kPa", True, True),
+        ),
+        *(("3 of 5", True, False), ("kPa", False, False)),
+    ],
+)
+def test_why_a_column_of_formulas_or_units_cannot_be_read(
+    monkeypatch, tmp_path, cell, is_known, is_told
+):
+    write(tmp_path / "a.csv", {"u": K, "bad": K})
+    study = FolderStudy((tmp_path / "a.csv",), FileLayout("csv", *2 * [("u", "bad")], {}, (), (0,)))
+
+    def read(_section, _folder, columns):
+        if "bad" in columns:
+            raise NotANumber(cell, "is no number", "mend it", known=is_known)
+        return {column: [K] for column in columns}
+
+    monkeypatch.setattr(drafts, "_read_columns", read)
+    bad = table_of(study, tmp_path)["bad"]
+    assert len(bad.values) == 0
+    assert bad.unread.endswith("; mend it") == is_told
+    assert bool(bad.unread) == is_told
+    everything = replace(study, layout=replace(study.layout, numeric=(0, 1)))
+    with refused("is no number") if is_known else nullcontext():
+        table_of(everything, tmp_path)
+
+
 @pytest.mark.parametrize("is_empty", [False, True])
 def test_texts_and_numbers_of_a_column_stand_in_every_file(tmp_path, is_empty):
     for number in range(2):
@@ -327,6 +363,25 @@ def test_with_a_length_the_strain_is_modelled_instead_of_the_displacement(
     (draft,) = start(tmp_path, tmp_path, answers=answers_of(**said)).drafts
     assert draft.spec["target"] == target
     assert ("derive" in draft.data) == derived
+
+
+def test_a_file_has_columns_of_its_own_if_a_title_or_unit_differs():
+    usual, other = Path("a.csv"), Path("b.csv")
+
+    def layout(*titles):
+        return FileLayout("csv", titles, titles, {}, (), (0, 1, 2))
+
+    mine = layout("t [s]", "P [bar]", "T [degC]", "day")
+    theirs = layout("T [degC]", "t [s]", "P [kPa]", "day")
+    study = FolderStudy((usual, other), mine, variants={other: theirs})
+    columns = {"time": NamedColumn("t [s]", "s"), "pressure": NamedColumn("P [bar]", "bar")}
+    columns |= {"T": NamedColumn("T [degC]", "degC"), "day": NamedColumn("day", texts=True)}
+    changed = {"pressure": {"column": "P [kPa]", "unit": "kPa"}}
+    assert study.changed_columns(columns) == {other: changed}
+    pressure = {"pressure": replace(columns["pressure"], scale=2.0)}
+    assert study.changed_columns(pressure)[other]["pressure"]["scale"] == 2
+    parts = NamedColumn("P [bar]", "s", parts={"P [bar]": "s", "T [degC]": "ms"})
+    assert study.changed_columns({"time": parts}) == {}
 
 
 def test_columns_without_a_title_must_stand_at_the_same_place(tmp_path):
