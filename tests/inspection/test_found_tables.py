@@ -143,6 +143,8 @@ def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path):
     assert preview(path).titles == ("t", "F")
     path.write_text("1,2\n")
     assert preview(path).columns == (0, 1)
+    path.write_text("t,F\n" + "".join(f"{k},{k}\n" for k in range(20)) + "end of test\nby me\n")
+    assert preview(path).titles == ("t", "F")
     path.write_text("# t P\n# s kPa\n" + "".join(f"{k} {k}\n" for k in range(20)))
     layout = preview(path)
     assert (layout.columns, layout.titles, layout.units) == ((0, 1), ("t", "P"), ("s", "kPa"))
