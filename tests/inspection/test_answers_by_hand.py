@@ -20,7 +20,7 @@ from mapmore_cli.annexes.drafting.answers import (
 from mapmore_cli.annexes.drafting.by_person import named_by_person, refuse_choice
 from mapmore_cli.annexes.drafting.columns import TitledColumn
 from mapmore_cli.annexes.drafting.commands import ask
-from mapmore_cli.annexes.drafting.draft import NamedColumn
+from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
 from mapmore_cli.annexes.drafting.finding import find
 from mapmore_cli.annexes.drafting.questions import (
     BLOCKS,
@@ -31,7 +31,8 @@ from mapmore_cli.annexes.drafting.questions import (
     course,
     interview,
 )
-from mapmore_cli.annexes.drafting.understanding import _group_of
+from mapmore_cli.annexes.drafting.understanding import Understood, _conditions_of, _group_of
+from mapmore_cli.annexes.drafting.written_columns import with_columns
 from mapmore_cli.domain.errors import UsageError
 
 
@@ -125,6 +126,65 @@ def test_ranges_and_patterns_of_columns_mean_all_that_move_but_the_time():
         with pytest.raises(UsageError, match=words):
             named(text)
     assert named("x=f*")["x"].column == "force"
+
+
+NAMES = ["P=100_stretch1", "P=200_stretch4", "P=400_stretch9"]
+SET_POINTS = titled(6, "P meas", [], "pressure", "kPa")
+SET_POINTS = replace(SET_POINTS, values=[np.full(3, x) for x in (101.0, 201.0, 401.0)])
+
+
+@pytest.mark.parametrize(
+    ("inputs", "columns", "conditions", "measured", "unused"),
+    [
+        (None, {}, ["pressure", "stretch"], [], ""),
+        (None, {"x": SET_POINTS}, ["stretch"], ["x"], "pressure (the column P meas measures it)"),
+        ({}, {}, [], [], "pressure (name it with --inputs"),  # it has no unit
+        ({"pressure": NamedColumn("pressure")}, {}, ["pressure"], [], "stretch (name it with"),
+        # a person calls another column so
+        ({"pressure": NamedColumn("s1", is_called=True)}, {}, [], [], "stretch (name it with"),
+        (
+            {"force": NamedColumn("force")},
+            {},
+            [],
+            [],
+            "pressure (name it with --inputs",
+        ),
+    ],
+)
+def test_numbers_in_names_are_inputs_unless_a_column_or_a_person_says_something_else(
+    inputs, columns, conditions, measured, unused
+):
+    table = TABLE | {one.column: one for one in columns.values()}
+    named_columns = {name: NamedColumn(one.column) for name, one in columns.items()}
+    found, names, remark = _conditions_of(
+        SimpleNamespace(names=NAMES), table, Answers(inputs=inputs), named_columns
+    )
+    assert ([one.quantity for one in found], names) == (conditions, measured)
+    assert remark.startswith(f"numbers not used: {unused}") if unused else remark == ""
+
+
+@pytest.mark.parametrize("texts", [("a", "b"), ("a", "Mean", "b", "SD")])
+def test_rows_of_means_are_read_as_missing_values_if_their_column_is_used(texts):
+    table = TABLE | {"day": TitledColumn("day", 5, "day", [], "", False, "", "", texts=texts)}
+    columns = {name: NamedColumn(name, "1") for name in ("force", "s1")}
+    known = Understood(columns, ["force"], ["s1"], [], "", {"s2": "why"}, None, [])
+    draft = with_columns(Draft({"data": {}}), known, "force", table)
+    assert "missing" not in draft.data
+    assert draft.notes["data", "columns"].why == "left out: t, s2 (why), flat, day"
+    columns |= {"day": NamedColumn("day", "1", texts=True), "s2": NamedColumn("s2", "bar")}
+    known = replace(known, group="day", apart=["day"], targets=["force", "s2"])
+    draft = with_columns(Draft({"data": {"sample_time": 0.1}}), known, "force", table)
+    tokens = [text for text in texts if text in ("Mean", "SD")]
+    assert draft.data.get("missing") == ({"tokens": tokens} if tokens else None)
+    assert draft.data["recordings"] == {"of": "day"}
+    assert [*draft.data["columns"]] == ["force", "s1", "day"]  # another target is no input
+    assert draft.data["sample_time"] == 0.1
+    assert "units" not in draft.spec
+    clock = replace(known, columns=columns | {"time": NamedColumn("t", "s")}, apart=["day", "s1"])
+    draft = with_columns(Draft({"data": {"sample_time": 0.1}}), clock, "s2", table)
+    assert "sample_time" not in draft.data
+    assert draft.data["recordings"] == {"of": ["day", "s1"]}
+    assert draft.spec["units"] == {"s2": "kPa"}
 
 
 def test_groups_are_a_column_by_its_number_or_title_or_else_a_word_in_names():
