@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import yaml
 from reading import refused
 from recorded import recording, write
 
@@ -18,9 +19,10 @@ from mapmore_cli.annexes.drafting import reading as drafts
 from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.checked import checked, with_few_files
 from mapmore_cli.annexes.drafting.commands import init
-from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn
+from mapmore_cli.annexes.drafting.draft import Draft, NamedColumn, Note
 from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.annexes.drafting.names import NamedCondition
+from mapmore_cli.annexes.drafting.outputs import as_files
 from mapmore_cli.annexes.drafting.reading import table_of
 from mapmore_cli.annexes.drafting.sources import patterns, started
 from mapmore_cli.annexes.drafting.start import start
@@ -29,6 +31,7 @@ from mapmore_cli.cli.console import STANDARD
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError, WriteError
 from mapmore_cli.ingestion.samples import Samples
 from mapmore_cli.storage.tables.cells import NotANumber
+from mapmore_cli.study.campaign import load_campaign
 
 K = np.arange(30.0)
 COLUMNS = {"time": {"column": "t"}, "u": {"column": "u"}}
@@ -102,9 +105,18 @@ def test_the_first_draft_without_an_error_is_taken(monkeypatch, faults, name, wh
             checked(BARE, (PLAIN, PLAINER), Path())
         return
     found = checked(BARE, (PLAIN, PLAINER), Path())
-    assert found.name == name
+    assert (found.name, ("data", "files") in found.notes) == (name, False)
     assert [*found.open] == ([] if why is None else [("target",)])
     assert why is None or found.open["target",].why.startswith(why)
+
+
+def test_a_note_says_how_many_files_were_examined(monkeypatch):
+    monkeypatch.setattr(checks, "with_few_files", lambda draft, _: (replace(draft), 999))
+    monkeypatch.setattr(checks, "_fault", lambda *_: None)
+    told = "`check` examined 300 of 999 files, drawn at random"
+    assert checked(BARE, (), Path()).notes["data", "files"] == Note(told)
+    noted = checked(BARE.noted(("data", "files"), "names", sure=False), (), Path())
+    assert noted.notes["data", "files"] == Note(f"names; {told}", sure=False)
 
 
 @pytest.mark.parametrize(
@@ -337,6 +349,29 @@ def test_files_whose_columns_have_another_order_are_sorted_among_the_others(tmp_
     assert study.name == "rig"
 
 
+@pytest.mark.parametrize(("tables", "examined"), [((), "abd"), ((1, 2), "abcd")])
+def test_of_files_with_equal_kinds_of_lines_only_the_first_is_examined(
+    monkeypatch, tables, examined
+):
+    """Unless they hold several tables, which may differ beyond the first lines."""
+    seen = []
+    layout = FileLayout("csv", (), (), {}, (), (), tables=tables)
+    kinds = {"a": (b"1",), "b": (b"2",), "c": (b"1",), "d": (), "e": ()}
+
+    def look(file):
+        seen.append(file.stem)
+        if file.stem == "e":
+            raise DataError("e: is wrong")
+        return layout
+
+    monkeypatch.setattr(studies, "preview", look)
+    monkeypatch.setattr(studies, "kinds_of_lines", lambda file: kinds[file.stem])
+    paths = [Path(f"{name}.csv") for name in kinds]
+    found, faults = studies._layouts_of(paths)
+    assert (found, faults) == (dict.fromkeys(paths[:4], layout), {paths[4]: "e: is wrong"})
+    assert seen == [*examined, "e"]
+
+
 @pytest.mark.parametrize(
     ("titles", "count"),
     [(("P [bar]", "P [kPa]"), 1), (("P", "P [kPa]"), 2), (("bend [deg]", "bend [rad]"), 2)],
@@ -511,3 +546,37 @@ def test_every_layout_gets_a_draft_unless_one_is_wanted(tmp_path):
     one = start(tmp_path, tmp_path, single=True, answers=answers)
     assert len(one.drafts) == 1
     assert any("another study" in remark for remark in one.remarks)
+
+
+def test_a_campaign_has_a_spec_of_each_output_that_extends_what_they_share(tmp_path):
+    columns = {name: {"column": name} for name in ("u", "y", "z")}
+    parts = {name: {key: columns[key] for key in ("u", name)} for name in ("y", "z")}
+    own = {"y": {"units": {"y": "mm"}}, "z": {}}
+    outputs = [
+        Draft(
+            {"name": f"rig-{name}", "target": name, **own[name]}
+            | {"data": {"files": ["a.csv"], "columns": parts[name]}},
+            of="rig",
+        )
+        for name in parts
+    ]
+    single = replace(BARE, spec={**BARE.spec, "target": "u"})
+    files = as_files([*outputs, single], None)
+    assert [str(path) for path in files] == [
+        *("rig.yaml", "_rig.yaml", "rig-y.yaml", "rig-z.yaml", "a.yaml"),
+    ]
+    texts = {path.stem: yaml.safe_load(text) for path, (text, _) in files.items()}
+    assert texts["a"] == single.spec
+    assert texts["_rig"] == {
+        "data": {"files": ["a.csv"], "columns": {"u": {"column": "u"}}},
+        "units": {},
+    }
+    for name in ("y", "z"):
+        rest = {"name": f"rig-{name}", "target": name, "data": {"columns": {name: columns[name]}}}
+        assert texts[f"rig-{name}"] == {"extends": "_rig.yaml", **rest, **own[name]}
+    for path, (text, _) in files.items():
+        (tmp_path / path).write_text(text)
+    campaign, _ = load_campaign(tmp_path / "rig.yaml")
+    assert campaign.campaign == "rig"
+    assert [run.base for run in campaign.runs] == ["rig-y.yaml", "rig-z.yaml"]
+    assert [*as_files(outputs, tmp_path / "x.yaml")][2] == tmp_path / "x-y.yaml"
