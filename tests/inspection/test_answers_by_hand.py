@@ -27,6 +27,7 @@ from mapmore_cli.annexes.drafting.questions import (
     Asked,
     Option,
     Question,
+    _groups,
     _inputs,
     course,
     interview,
@@ -283,6 +284,22 @@ def test_the_end_of_the_input_is_an_empty_reply(monkeypatch, capsys):
     monkeypatch.setattr("builtins.input", end)
     assert ask(Question("What?", (), "", read_group)) == ""
     assert "What?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [(["s1_a", "s1_b", "s2_a"], ["names: 1", "names: 2"]), (["a", "b"], []), ([""], [])],
+)
+def test_words_in_names_are_offered_as_groups(names, words):
+    known = SimpleNamespace(columns={"force": NamedColumn("force")}, targets=["force"])
+    asked = Asked(TABLE, names, lambda _: known, Answers())
+    question = _groups(asked)
+    assert [one.text for one in question.options if not one.number] == words
+    assert question.take("specimen").group == "specimen"
+    assert question.take("").group is None
+    assert _groups(replace(asked, answers=Answers(group="s"))) is None
+    only = replace(asked, table={"force": TABLE["force"]})
+    assert (_groups(only) is None) == (not words)
 
 
 @pytest.mark.parametrize(("inputs", "names", "count"), [(1, 1, 21), (1, 2, 20), (2, 2, 21)])

@@ -400,6 +400,29 @@ def test_with_a_length_the_strain_is_modelled_instead_of_the_displacement(
     assert ("derive" in draft.data) == derived
 
 
+@pytest.mark.parametrize(
+    ("files", "layout", "above", "names"),
+    [
+        ("a", {}, ((),), ["a"]),
+        ("ab", {}, ((), ()), ["a", "b"]),
+        ("a", {"tables": (1, 3)}, (("5 mm", ""),), ["5 mm", "a"]),
+        ("ab", {"tables": (1, 3)}, (("x", "y"), ("", "z")), ["a x", "a y", "b", "b z"]),
+        ("a", {"alike": ("one", "two")}, ((),), ["one", "two"]),
+        ("ab", {"alike": ("one", "two")}, ((), ()), ["a", "b"]),  # sheets have the same role
+        ("ab", {"alike": ("1", "2"), "left": ("3",)}, ((), ()), ["a", "a", "b", "b"]),
+    ],
+)
+def test_recordings_are_called_by_their_files_tables_and_sheets(files, layout, above, names):
+    paths = tuple(Path(f"in/{name}.csv") for name in files)
+    study = FolderStudy(
+        paths,
+        FileLayout("csv", (), (), {}, (), (), **layout),
+        above=dict(zip(paths, above, strict=True)),
+    )
+    assert (study.names, len(study.parts)) == (names, len(names))
+    assert str(study) == ("1 file" if files == "a" else "2 files")
+
+
 def test_a_file_has_columns_of_its_own_if_a_title_or_unit_differs():
     usual, other = Path("a.csv"), Path("b.csv")
 

@@ -233,6 +233,16 @@ def test_a_table_has_at_most_so_many_columns_as_init_can_read(
         assert preview(tmp_path / "a.csv").titles == ("t", "P", "F")
 
 
+def test_the_reason_is_that_of_a_row_in_the_middle(tmp_path):
+    text = "p,x,F\na,b,c\na,b,c\n" + "2 bar,1 m,3 N\n" * 3
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(DataError, match="because '2 bar' is not a number"):
+        preview(tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text("\n" * 9)
+    with pytest.raises(DataError, match="no table of numbers"):
+        preview(tmp_path / "a.csv")
+
+
 @pytest.mark.parametrize("row", ["5 m", "12:00:01,on"])
 def test_no_reason_is_given_for_texts_that_are_no_table(tmp_path, row):
     (tmp_path / "a.csv").write_text(f"{row}\n" * 9)
@@ -307,6 +317,15 @@ def test_every_sheet_that_is_alike_is_read(tmp_path, titles):
     assert draft.data["files"] == (one_by_one if len(titles) > 1 else ["a.xlsx"])
     assert len(read_draft(draft, tmp_path, "force").recordings) == len(titles)
     assert "left out because their layout differs: 'notes', 'summary'" in draft.text()
+
+
+def test_tables_below_each_other_are_looked_for_in_a_single_sheet_only(tmp_path):
+    rows = [["t", "F"], *([k, k * k] for k in range(9))]
+    workbook(tmp_path / "a.xlsx", {"one": [*rows, [], *rows]})
+    assert preview(tmp_path / "a.xlsx").tables == (1, 2)
+    workbook(tmp_path / "a.xlsx", {name: [*rows, [], *rows] for name in ("one", "two")})
+    found = preview(tmp_path / "a.xlsx")
+    assert (found.tables, found.alike) == ((), ("one", "two"))
 
 
 # Trees

@@ -208,9 +208,10 @@ def table_in(top: Top) -> FoundTable | None:
     """
     rows = top.rows[:-1] if len(top.rows) > 1 else top.rows
     widths = Counter(len(row) for row in rows[len(rows) // 2 :] if nonempty(row))
-    wide = widths.most_common(1)[0][0] if widths else 0
-    end = max((i for i, row in enumerate(rows) if len(row) == wide and nonempty(row)), default=-1)
-    rows = rows[: end + 1]
+    if not widths:
+        return None
+    wide = widths.most_common(1)[0][0]
+    rows = rows[: 1 + max(i for i, row in enumerate(rows) if len(row) == wide and nonempty(row))]
     lower = filled_by_column(rows[len(rows) // 2 :], wide)
     numeric = tuple(
         place
