@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mapmore_cli.annexes.drafting import questions
 from mapmore_cli.annexes.drafting.answers import (
     Answers,
     answers_of,
@@ -284,6 +285,35 @@ def test_the_end_of_the_input_is_an_empty_reply(monkeypatch, capsys):
     monkeypatch.setattr("builtins.input", end)
     assert ask(Question("What?", (), "", read_group)) == ""
     assert "What?" in capsys.readouterr().err
+
+
+def test_a_reply_can_be_taken_back(monkeypatch):
+    """Questions that need not be asked are passed over on the way back."""
+
+    def question(key):
+        def made(asked):
+            if key == "skipped":
+                return None
+            return Question(key, (), "", lambda reply: replace(asked.answers, **{key: reply}))
+
+        return made
+
+    monkeypatch.setattr(
+        questions, "QUESTIONS", [question(key) for key in ("group", "skipped", "validate", "like")]
+    )
+    for replies, texts, found in (
+        ("1 2 3", "group validate like", ("1", "2", "3")),
+        ("1 b 2 3 4", "group validate group validate like", ("2", "3", "4")),
+        ("1 2 b 3 4", "group validate like validate like", ("1", "3", "4")),
+        ("b 1 2 3", "group group validate like", ("1", "2", "3")),
+    ):
+        said, asked = iter(replies.split()), []
+        answers = interview(
+            *(TABLE, [], lambda _: None, Answers()),
+            lambda question, said=said, asked=asked: asked.append(question.text) or next(said),
+        )
+        assert asked == texts.split()
+        assert (answers.group, answers.validate, answers.like) == found
 
 
 @pytest.mark.parametrize(

@@ -29,6 +29,7 @@ from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.annexes.drafting.studies import FolderStudy, find_studies
 from mapmore_cli.cli.console import STANDARD
 from mapmore_cli.domain.errors import DataError, SpecError, UsageError, WriteError
+from mapmore_cli.ingestion.clock import REPEATS
 from mapmore_cli.ingestion.samples import Samples
 from mapmore_cli.storage.tables.cells import NotANumber
 from mapmore_cli.study.campaign import load_campaign
@@ -203,6 +204,39 @@ def test_files_without_a_recording_are_left_out_by_name(
     assert (recordings, is_enough) == (found.recordings, is_most)
     assert draft.data["skip_bad_files"] == (bad or False)
     assert draft.bad_files == ("c.csv: is left out as a bad file: why" if skip else "")
+
+
+@pytest.mark.parametrize("is_joined", [False, True])
+def test_settings_that_no_sample_needs_are_removed_and_others_say_how_many_need_them(is_joined):
+    """The samples of a joined log are not counted, so that its settings stay."""
+    kept = {"missing": "drop", "repeated_time": "spread", "glitches": "drop"}
+    draft = cleaning.lenient(Draft({"data": {"glitches": "error"}}))
+    assert draft.data == {**kept, "glitches": "error"}
+    draft = cleaning.lenient(Draft({"data": {"join": []} if is_joined else {}}))
+    assert draft.data == draft.data | kept
+
+    def found(notes=(), **dropped):
+        recordings = [
+            SimpleNamespace(dropped={key.replace("_", " "): n for key, n in dropped.items()})
+        ]
+        dataset = SimpleNamespace(recordings=2 * recordings, notes=notes)
+        return cleaning._with_losses(draft, dataset)
+
+    nothing = found(("a.csv: something else",))
+    assert ({*kept} & {*nothing.data}, nothing.notes) == ({*kept} if is_joined else set(), {})
+    for key, one in (
+        ("missing", found(missing_value=3)),
+        ("glitches", found(glitch_of_the_clock=3)),
+        ("repeated_time", found([f"a.csv: {k} {REPEATS}, and are spread" for k in (4, 2)])),
+    ):
+        assert ({*kept} & {*one.data}) == ({*kept} if is_joined else {key})
+        assert [*one.notes] == [("data", key)]
+        assert one.notes["data", key].why.startswith("6 ")
+        assert one.notes["data", key].sure
+    draft = draft.with_data("missing", {"tokens": ["OVLD", "--"]})
+    note = found(missing_value=1).notes["data", "missing"]
+    assert not note.sure
+    assert note.why.startswith("2 samples have a cell that is empty or holds 'OVLD', '--'")
 
 
 def samples(**columns):
