@@ -156,6 +156,12 @@ def test_parts_of_a_clock_stay_below_their_turns():
 def test_parts_of_a_clock_suit_each_other_in_every_file(minutes, seconds, is_clock):
     parts = {"mm": column(*minutes, title="mm"), "ss": column(*seconds, title="ss", place=1)}
     assert clock_in_parts(parts) == ({"mm": "min", "ss": "s"} if is_clock else {})
+    # the last word of a title is the unit
+    moved = {f"{key} of x": replace(one, title=f"{key} of x") for key, one in parts.items()}
+    assert clock_in_parts(moved) == {}
+    assert bool(clock_in_parts({**parts, "mm": replace(parts["mm"], title="t mm")})) == is_clock
+    last = {**parts, "mm": replace(parts["mm"], title="mm x")}
+    assert clock_in_parts(last) == {}
 
 
 @pytest.mark.parametrize(("steps_back", "is_clock"), [(1, True), (2, False)])

@@ -546,15 +546,15 @@ def test_a_second_log_is_interpolated_over_five_of_its_steps(monkeypatch, is_shi
 
 def test_specs_that_exist_are_named_in_order_after_the_others_were_written(tmp_path):
     draft = BARE.with_section("target", "u")
-    paths = [tmp_path / f"{name}.yaml" for name in "dcba"]
+    paths = [tmp_path / f"{name}.yaml" for name in "hgfedcba"]
     for path in paths[1:]:
         path.write_text("own")
     reporter = SimpleNamespace(say=lambda _: None)
     files = {path: (draft.text(), draft) for path in paths}
-    names = ", ".join(f"{tmp_path}/{name}.yaml" for name in "abc")
+    names = ", ".join(f"{tmp_path}/{name}.yaml" for name in "abcdefg")
     with refused(f"{names}: already exists", error=WriteError):
         commands._write(files, False, reporter)
-    assert [path.read_text() == "own" for path in paths] == [False, True, True, True]
+    assert [path.read_text() == "own" for path in paths] == [False, *[True] * 7]
     commands._write(files, True, reporter)
     assert all(path.read_text() == draft.text() for path in paths)
     foreign = tmp_path / "recording.csv"
