@@ -124,7 +124,7 @@ def test_recordings_that_differ_with_equal_inputs_may_be_sessions(effects, group
         if is_asked:
             note = draft.notes["data", "reader"]
             line = "".join(f", {effect}: true" for effect in effects)
-            assert note.why.startswith("A Differs From B; do they belong to different sessions?")
+            assert note.why.startswith("a differs from b; do they belong to different sessions?")
             assert f"`groups: {{of: session{line}}}`" in note.why
             assert note.sure != is_large
     assert _with_sessions(DRAFT, None, group) is DRAFT
