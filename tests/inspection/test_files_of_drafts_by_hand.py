@@ -408,7 +408,12 @@ def test_of_files_with_equal_kinds_of_lines_only_the_first_is_examined(
 
 @pytest.mark.parametrize(
     ("titles", "count"),
-    [(("P [bar]", "P [kPa]"), 1), (("P", "P [kPa]"), 2), (("bend [deg]", "bend [rad]"), 2)],
+    [
+        (("P [bar]", "P [kPa]"), 1),
+        (("P", "P [kPa]"), 2),
+        (("bend [deg]", "bend [rad]"), 2),
+        (("bend", "bend [V]"), 2),
+    ],
 )
 def test_files_of_one_study_differ_only_in_the_unit_of_a_known_quantity(tmp_path, titles, count):
     for number, title in enumerate(titles):
