@@ -252,6 +252,7 @@ def test_recordings_of_one_sample_do_not_shorten_the_time_step():
     long, single = timed(1, 9000, 0.001), timed(3, 1)
     done = replace(long, recordings=[*long.recordings, *single.recordings])
     assert drafted_of(done).data["resample"] == 0.0015
+    assert drafted_of(timed(150, 2)).data["resample"] == 0.01
 
 
 def test_a_gap_is_longer_than_five_of_the_time_steps_of_the_model():
