@@ -62,8 +62,8 @@ def test_a_column_of_seconds_or_of_milliseconds_goes_on_by_unwrap(ingest, unit, 
 def test_a_clock_restarts_by_nine_tenths_of_its_turn_from_the_turn_at_most(
     before, after, is_restart
 ):
-    found = going_on(np.array([before, after, after + 1.0]), [3600.0])
-    assert found.tolist() == ([0, 3600, 3600] if is_restart else [0, 0, 0])
+    found = going_on(np.array([10.0, before, after, after + 1]), [3600.0])
+    assert found.tolist() == ([0, 0, 3600, 3600] if is_restart else [0, 0, 0, 0])
 
 
 def test_gaps_are_an_error_where_the_spec_says_so_and_a_warning_where_it_says_nothing(
