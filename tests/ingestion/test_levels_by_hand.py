@@ -18,7 +18,7 @@ from mapmore_cli.ingestion.curves import (
     with_damping,
     with_plateau,
 )
-from mapmore_cli.study.sections.split import Between
+from mapmore_cli.study.sections.split import Between, Holdout
 
 LEVELS = LevelSet("P", np.array([100.0, 200.0, 400.0]), 5.0)
 
@@ -32,6 +32,15 @@ LEVELS = LevelSet("P", np.array([100.0, 200.0, 400.0]), 5.0)
 )
 def test_a_level_is_meant_within_a_quarter_of_the_smallest_distance(value, level):
     assert LEVELS.named(value) == level
+
+
+def test_a_note_says_which_level_a_rounded_value_means():
+    levels = LevelSet("P", np.array([149.73, 200.0]), 5.0)
+    held = Holdout.model_validate({"P": [150.0, 200.0]})
+    note = "split.validate: for P 150, the level 149.73 is held out"
+    assert held_out.meant_levels(held, levels) == [note]
+    for choice, some in ((None, levels), (held, None), (Holdout(last=0.5), levels)):
+        assert held_out.meant_levels(choice, some) == []
 
 
 def test_a_single_level_is_meant_within_a_quarter_of_itself():
