@@ -174,20 +174,19 @@ def _check(data: Data) -> None:
     - The last samples or cycles are held out although `cycles` changes the order of the samples.
     """
     entries = [entry for entry in data.files if isinstance(entry, FileEntry)]
-    for name in sorted({name for one in entries for name in one.columns} - data.columns.keys()):
+    for name in (name for one in entries for name in one.columns if name not in data.columns):
         raise SpecError(
             f"files: '{name}' has a column in some files only",
             "Name its column in `data.columns`. The `columns` of single files only replace entries "
             "of `data.columns`.",
         )
-    constants = [set(entry.set) if isinstance(entry, FileEntry) else set() for entry in data.files]
-    for name in sorted(set().union(*constants)):
+    for name in (name for one in entries for name in one.set):
         if name in data.measured or name in data.derive:
             raise SpecError(
                 f"files: '{name}' is set for a file, and is also measured or derived",
                 "Keep one of the two.",
             )
-        if not all(name in given for given in constants):
+        if len(entries) < len(data.files) or not all(name in one.set for one in entries):
             raise SpecError(
                 f"files: '{name}' is set for some entries only",
                 "Set it for every entry of `files`.",

@@ -21,6 +21,7 @@ from mapmore_cli.storage.tables.lines import name_of_packed
 from mapmore_cli.study.experiment import ExperimentSpec
 from mapmore_cli.study.sections.data import Data
 from mapmore_cli.study.sections.logs import FileEntry, Join, Keep, SourceColumn
+from mapmore_cli.study.sections.split import Split
 
 Component = Literal["static", "hysteresis", "damping"]
 
@@ -49,9 +50,7 @@ def slice_of(spec: ExperimentSpec) -> IngestSlice:
     """Return the part of the spec that ingest reads. Settings for cross-validation are not
     included, because ingest does not need them.
     """
-    split = spec.data.split.model_copy(
-        update={"leave_one_level_out": False, "leave_one_group_out": False, "structure_seen": False}
-    )
+    split = Split(validate=spec.data.split.hold_out)
     by_group = any(isinstance(rule, dict) for rule in spec.data.uncertainty.values())
     groups = spec.data.groups
     groups = groups if groups and (groups.has_effects or by_group) else None
@@ -142,6 +141,7 @@ def find_sources(
                 f"files: {times} recordings have the id '{name}'", "Give each an `id` of its own."
             )
     logs = [_logs_to_join(join, len(found), folder, warn) for join in joins]
+    left_out = [] if isinstance(bad, bool) else bad
     return tuple(
         Source(
             log.path,
@@ -156,7 +156,7 @@ def find_sources(
             columns=log.columns,
         )
         for i, (log, entry) in enumerate(found)
-        if bad is True or not any(is_file_named(log.name, path, folder) for path in bad or ())
+        if not any(is_file_named(log.name, path, folder) for path in left_out)
     )
 
 

@@ -71,7 +71,8 @@ def _conditions(
             yield _within(parts, name, values)
     if choice.last is not None:
         yield np.concatenate([part.behind(1 - choice.last) for part in parts])
-    if choice.last_cycles is not None and choice.of is not None:
+    if choice.last_cycles is not None:
+        assert choice.of is not None  # a spec with one of both keys only is refused
         yield _last_cycles(parts, choice.of, choice.last_cycles)
     # `fraction` of the number of samples is rounded to a whole number
     if choice.fraction is not None:

@@ -228,8 +228,7 @@ def _converted(
 ) -> Array:
     if missing:
         values = np.where(np.isin(values, missing), np.nan, values)
-    if (column.scale, column.offset) != (1.0, 0.0):
-        values = values * column.scale + column.offset
+    values = values * column.scale + column.offset
     written = "s" if column.columns else column.unit
     return values if written is None else convert(values, written, unit, difference=difference)
 

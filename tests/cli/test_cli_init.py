@@ -112,6 +112,7 @@ def test_the_settings_of_a_paper(tmp_path, mapmore, paper, study):
     for section in ("segment", "dictionary", "fuse"):
         assert getattr(drafted, section) == getattr(published, section)
     assert drafted.fit.max_terms == 1
+    assert drafted.fit.tolerance == published.fit.tolerance
     lines = spec.read_text().splitlines()
     for key in ("segment:", "dictionary:", "fit:", "fuse:"):
         place = next(i for i, line in enumerate(lines) if line.startswith(key))

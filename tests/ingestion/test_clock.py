@@ -2,6 +2,7 @@
 says; second logs are joined.
 """
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,8 @@ from ingest_samples import COLUMNS, csv_text
 from reading import refused
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.ingestion.clock import MOST_SAMPLES, _resampled, without_glitches
+from mapmore_cli.ingestion import clock
+from mapmore_cli.ingestion.clock import MOST_SAMPLES, _resampled, going_on, without_glitches
 from mapmore_cli.ingestion.samples import Samples
 
 SPLIT = {"longer_than": 0.15, "action": "split"}
@@ -34,18 +36,34 @@ def test_gaps_split_a_recording_into_numbered_pieces(ingest):
         "s, after row 6; "
     )
     assert note.endswith("about 25 samples are missing: split")
-    assert [c.id for c in ingest({"a.csv": logged(0, 0.1, 0.2)}, gaps=SPLIT).curves] == ["a"]
+    assert [one.log for one in dataset.recordings] == ["a"] * 3
+    (whole,) = ingest({"a.csv": logged(0, 0.1, 0.2)}, gaps=SPLIT).recordings
+    assert (whole.id, whole.log) == ("a", "")
 
 
-@pytest.mark.parametrize(("unit", "turn"), [("s", 60), ("ms", 60_000)])
-def test_a_column_of_seconds_within_the_minute_goes_on_by_unwrap(ingest, unit, turn):
+@pytest.mark.parametrize(
+    ("unit", "turn", "told"), [("s", 60, 60), ("ms", 60_000, 60), ("ms", 1000, 1)]
+)
+def test_a_column_of_seconds_or_of_milliseconds_goes_on_by_unwrap(ingest, unit, turn, told):
     stamps = [turn / 60 * (i % 60) for i in range(100)]
     clock = {"time": {"column": "t", "unit": unit}}
-    with refused("a.csv:row 62: time runs backwards", "restarts at 60 s, write `unwrap: 60`"):
+    parts = "a.csv:row 62: time runs backwards", f"restarts at {told} s, write `unwrap: {told}`"
+    with refused(*parts):
         ingest({"a.csv": logged(*stamps)}, columns={**COLUMNS, **clock})
     clock["time"]["unwrap"] = turn
     made = ingest({"a.csv": logged(*stamps)}, columns={**COLUMNS, **clock})
-    np.testing.assert_allclose(made.recordings[0].columns["time"], np.arange(100.0))
+    np.testing.assert_allclose(made.recordings[0].columns["time"], told / 60 * np.arange(100.0))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "is_restart"),
+    [(3600, 0, True), (3601, 0, False), (3500, 260, True), (3500, 261, False)],
+)
+def test_a_clock_restarts_by_nine_tenths_of_its_turn_from_the_turn_at_most(
+    before, after, is_restart
+):
+    found = going_on(np.array([10.0, before, after, after + 1]), [3600.0])
+    assert found.tolist() == ([0, 0, 3600, 3600] if is_restart else [0, 0, 0, 0])
 
 
 def test_gaps_are_an_error_where_the_spec_says_so_and_a_warning_where_it_says_nothing(
@@ -140,7 +158,7 @@ def test_resampling_goes_piece_by_piece_before_rates_are_taken(ingest):
     assert [r.rows_read for r in dataset.recordings] == [1000, 505]
 
 
-def test_a_sample_on_even_steps_has_the_row_of_the_one_that_it_follows():
+def test_a_sample_on_even_steps_has_the_row_of_the_one_that_it_follows(monkeypatch):
     """A stamp right at a sample is that sample's."""
     columns = {"time": np.array([0.0, 1.0, 2.0]), "force": np.array([0.0, 2.0, 6.0])}
     samples = Samples(columns, np.array([7, 8, 12]), "a.csv")
@@ -154,6 +172,11 @@ def test_a_sample_on_even_steps_has_the_row_of_the_one_that_it_follows():
     ):
         _resampled(samples, 1.0)
     assert MOST_SAMPLES == 10_000_000
+    monkeypatch.setattr(clock, "MOST_SAMPLES", 4)
+    for most, step, size in ((1, 0.5, 5), (1, 0.4, None), (2, 0.4, 6), (2, 0.3, None)):
+        monkeypatch.setattr(clock, "MOST_TIMES", most)
+        with nullcontext() if size else refused("`resample` would make"):
+            assert _resampled(replace(samples, columns=columns), step).size == size
     few = _resampled(replace(samples, columns=columns), 5.0)
     assert (few.size, next(iter(few.left_out.values())).tolist()) == (0, [7, 8, 12])
 

@@ -228,6 +228,11 @@ def test_slice_holds_what_ingest_depends_on_and_no_more():
     ]
     part = recorded(slice_of(spec_of(a)))
     assert all(recorded(slice_of(one)) == part for one in same)
+    damped, static = (
+        slice_of(spec_of(a, target=target, needs={"static": "s.yaml"})).static
+        for target in ("damping", "static")
+    )
+    assert (damped, static) == ("s.yaml", None)
     different = [part, *(recorded(slice_of(one)) for one in other)]
     assert all(one != another for one, another in combinations(different, 2))
 

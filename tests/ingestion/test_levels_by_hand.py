@@ -18,7 +18,7 @@ from mapmore_cli.ingestion.curves import (
     with_damping,
     with_plateau,
 )
-from mapmore_cli.study.sections.split import Between
+from mapmore_cli.study.sections.split import Between, Holdout
 
 LEVELS = LevelSet("P", np.array([100.0, 200.0, 400.0]), 5.0)
 
@@ -27,11 +27,20 @@ LEVELS = LevelSet("P", np.array([100.0, 200.0, 400.0]), 5.0)
     ("value", "level"),
     [
         *((100, 100), (125, 100), (126, None), (75, 100), (74, None), (180, 200), (375, 400)),
-        *((374, None), (425, 400), (426, None)),
+        *((374, None), (425, 400), (426, None), (125 * (1 + 1e-13), 100), (125 + 1e-9, None)),
     ],
 )
 def test_a_level_is_meant_within_a_quarter_of_the_smallest_distance(value, level):
     assert LEVELS.named(value) == level
+
+
+def test_a_note_says_which_level_a_rounded_value_means():
+    levels = LevelSet("P", np.array([149.73, 200.0]), 5.0)
+    held = Holdout.model_validate({"P": [150.0, 200.0]})
+    note = "split.validate: for P 150, the level 149.73 is held out"
+    assert held_out.meant_levels(held, levels) == [note]
+    for choice, some in ((None, levels), (held, None), (Holdout(last=0.5), levels)):
+        assert held_out.meant_levels(choice, some) == []
 
 
 def test_a_single_level_is_meant_within_a_quarter_of_itself():
@@ -56,8 +65,10 @@ def test_samples_belong_to_the_level_within_its_reach():
 def test_held_out_values_are_met_up_to_rounding_and_intervals_with_their_ends():
     """By a relative 1e-9, and an absolute 1e-12 next to zero."""
     beyond = np.array([-1.1, -0.9, 0.9, 1.1])
-    near = [SimpleNamespace(columns={"P": part}) for part in (1e-12 * beyond, 200 + 2e-7 * beyond)]
-    assert held_out._within(near, "P", [0.0, 200.0]).tolist() == 2 * [False, True, True, False]
+    ranges = (1e-12 * beyond, 200 + 2e-7 * beyond, -200 + 2e-7 * beyond)
+    near = [SimpleNamespace(columns={"P": part}) for part in ranges]
+    found = held_out._within(near, "P", [0.0, 200.0, -200.0])
+    assert found.tolist() == 3 * [False, True, True, False]
     parts = [SimpleNamespace(columns={"P": np.array([1.0, 2.0, 3.0, 4.0, 5.0])})]
     between = Between(between=[(2.0, 3.0), (4.5, 9.0)])
     assert held_out._within(parts, "P", between).tolist() == [False, True, True, False, True]

@@ -2,6 +2,7 @@ import os
 from contextlib import nullcontext
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from reading import refused
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.files import find_sources, unique_ids
 from mapmore_cli.ingestion.globs import expand, is_file_named
+from mapmore_cli.storage.tables import RawTable
 from mapmore_cli.study.sections.logs import FileEntry
 
 
@@ -66,6 +68,12 @@ def test_hidden_files_and_folders_are_meant_only_by_a_dot(tree):
     ):
         with refused("no such file") if not found else nullcontext():
             assert [source.name for source in find_sources([pattern], tree)] == found
+
+
+def test_the_progress_counts_the_bytes_of_files_and_not_of_tables_in_memory(tree):
+    table = RawTable({"P": np.ones(3)}, range(3), "memory")
+    sources = find_sources(["here.csv", "memory"], tree, tables={"memory": table})
+    assert [source.bytes for source in sources] == [2, 0]
 
 
 def test_entries_carry_constants_and_an_id(tree):
@@ -157,6 +165,25 @@ def test_a_glob_enters_no_folder_with_results(tree):
     assert [one.id for one in find_sources(["../out/a/*.csv"], tree)] == ["scores"]
     (tree.parent / "campaign/campaign.json").write_text('{"creator": "another program"}')
     assert len(find_sources(["../*/*.csv"], tree)) == len(before[1]) + 1
+
+
+@pytest.mark.parametrize(("count", "more"), [(4, ""), (5, ", ...")])
+def test_at_most_four_folders_with_results_are_named_in_alphabetical_order(tree, count, more):
+    for letter in "edcba"[-count:]:
+        (tree / letter).mkdir()
+        (tree / letter / "run.json").write_text(RECORD)
+    warnings = []
+    find_sources(["**/*.csv"], tree, warn=warnings.append)
+    assert f" in a, b, c, d{more}, because" in warnings[0]
+
+
+def test_bad_files_are_left_out_only_if_the_spec_names_them(tree):
+    for bad, left in ((True, 2), (False, 2), (["here.csv"], 1), (["*.csv"], 0)):
+        assert len(find_sources(["*.csv"], tree, bad=bad)) == left
+    (tree / "empty.csv").write_text("")
+    assert len(find_sources(["*.csv"], tree, bad=["empty.csv"])) == 2
+    with refused("empty.csv: is empty"):
+        find_sources(["*.csv"], tree)
 
 
 def test_what_is_no_file_of_a_recording_is_named(tree):

@@ -15,15 +15,17 @@ def test_value_times_scale_plus_offset_then_the_unit_of_the_model(ingest):
         **COLUMNS,
         "pressure": {"column": "P", "unit": "psi"},
         "force": {"column": "F", "unit": "kN", "scale": 0.25, "offset": 0.009},
+        "strain": {"column": "eps", "scale": 10.0},
     }
     dataset = ingest(
-        {"a.csv": csv_text(t=[0, 1], P=[10, 20], eps=0, F=[0.4, 0.8])},
+        {"a.csv": csv_text(t=[0, 1], P=[10, 20], eps=[0.01, 0.02], F=[0.4, 0.8])},
         columns=columns,
         units={"strain": "%"},
     )
     (curve,) = dataset.curves
     np.testing.assert_allclose(curve.columns["pressure"], [68.94757293168, 137.89514586336])
     np.testing.assert_allclose(curve.columns["force"], [109.0, 209.0])
+    np.testing.assert_allclose(curve.columns["strain"], [0.1, 0.2])
     assert {name: dataset.unit(name) for name in dataset.quantities} == {
         "time": "s",
         "pressure": "kPa",
@@ -50,7 +52,7 @@ def test_every_recording_counts_from_where_it_rests(ingest):
         **COLUMNS,
         "force": {"column": "F", "unit": "kN", "scale": 2.0, "offset": 1.0, "rest": 0.25},
     }
-    first = csv_text(t=[5, 5.1, 5.2, 5.3, 5.4], P=80, eps=0, F=[0.1, np.nan, 0.3, 0.7, 0.2])
+    first = csv_text(t=[5, 5.125, 5.25, 5.375, 5.5], P=80, eps=0, F=[0.1, np.nan, 0.3, 0.7, 0.2])
     second = csv_text(t=[0, 0.1, 0.2, 0.3], P=80, eps=0, F=[9, 9, 9, 8])
     one, other = ingest(
         {"a.csv": first, "b.csv": second}, columns=columns, missing="drop", units={"time": "ms"}
@@ -305,6 +307,16 @@ WRONG_SPECS = {
         {"files": ["a.csv", {"path": "b.csv", "set": {"load": 2.0}}]},
         ["'load' is set for some entries only"],
     ),
+    "set for one of two": (
+        ROW,
+        {"files": [{"path": "a.csv", "set": {"load": 2.0}}, {"path": "b.csv"}]},
+        ["'load' is set for some entries only"],
+    ),
+    "derived and set": (
+        ROW,
+        {"files": [{"path": "a.csv", "set": {"x": 0.1}}], "derive": {"x": "force"}},
+        ["'x' is set for a file, and is also measured or derived"],
+    ),
     "a column in some files": (
         ROW,
         {"files": [{"path": "a.csv", "columns": {"load": {"column": "F"}}}]},
@@ -361,6 +373,7 @@ def test_effects_of_groups_are_taken_off_all_that_is_measured(ingest, monkeypatc
 
     monkeypatch.setattr("mapmore_cli.ingestion.dataset.without_effects", without)
     derive = {"work": "force*strain", "double": "2*work", "other": "2*strain"}
+    derive |= dict.fromkeys("hgfe", "force/2")
     groups = {"of": "day", "gain": True}
     columns = {**COLUMNS, "day": {"column": "day"}}
     text = csv_text(t=[0, 1], P=80, eps=0, F=[1, 2], day=[1, 2])
@@ -371,5 +384,27 @@ def test_effects_of_groups_are_taken_off_all_that_is_measured(ingest, monkeypatc
         *("force", "day", False, True),
     )
     assert asked[0].outputs == (
-        *("force", "double", "work", "hysteresis", "static_force", "damping"),
+        *("force", "double", "e", "f", "g", "h", "work", "hysteresis", "static_force", "damping"),
     )
+
+
+GOOD, WORDS = steps(80), HEAD + 20 * "a,b,c,d\n"
+
+
+@pytest.mark.parametrize(("bad", "names"), [(True, ["a", "c"]), (["b.csv"], ["a", "c"])])
+def test_bad_files_are_left_out_and_a_warning_gives_the_fault(ingest, bad, names):
+    warnings = []
+    files = {"a.csv": GOOD, "b.csv": WORDS, "c.csv": GOOD}
+    dataset = ingest(files, skip_bad_files=bad, warnings=warnings)
+    assert [one.id for one in dataset.recordings] == names
+    assert [one.partition(":")[0] for one in warnings] == (["b.csv"] if bad is True else [])
+
+
+def test_a_study_needs_one_file_that_is_not_bad(ingest):
+    for bad in (False, ["a.csv"]):
+        with refused("b.csv:row 2"):
+            ingest({"a.csv": GOOD, "b.csv": WORDS}, skip_bad_files=bad)
+    with refused("a.csv:row 2"):
+        ingest({"a.csv": WORDS, "b.csv": WORDS}, skip_bad_files=True)
+    with refused("every file is left out"):
+        ingest({"a.csv": WORDS, "b.csv": GOOD}, skip_bad_files=["*.csv"])

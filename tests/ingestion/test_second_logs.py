@@ -1,5 +1,6 @@
 """Second logs by hand: how they are paired, and what is told of a shift that was found."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -7,9 +8,10 @@ import pytest
 from reading import refused
 
 from mapmore_cli.ingestion import second_logs
-from mapmore_cli.ingestion.samples import Samples
+from mapmore_cli.ingestion.samples import Samples, recordings_apart
 from mapmore_cli.ingestion.second_logs import _found_shift, _ordered_signal, with_joined
 
+COLUMN = SimpleNamespace(column="F")
 UNITS = {"time": "ms", "P": "kPa", "P2": "kPa", "F": "N"}
 
 
@@ -39,14 +41,38 @@ def test_recordings_of_two_logs_are_paired_or_one_is_for_all(monkeypatch):
         joined(monkeypatch, firsts[:1], seconds)
 
 
+def test_recordings_of_one_table_are_in_order_and_the_first_has_the_notes_of_the_table():
+    series = {"n": [2, 1, 2, 1], "F": [5, 6, np.nan, 8]}
+    whole = replace(samples(**series), notes=("n",), element="run", titles={"F": "force"})
+    data = SimpleNamespace(
+        missing="drop", recordings=SimpleNamespace(quantities=["n"]), sample_time=0.1, every=3
+    )
+    first, second = recordings_apart(whole, data, UNITS, {"n": {"red": 2.0}})
+    assert [one.columns["F"].tolist() for one in (first, second)] == [[5], [6, 8]]
+    assert [one.rows.tolist() for one in (first, second)] == [[2], [3, 5]]
+    assert [one.element for one in (first, second)] == ["run:n=red", "run:n=1"]
+    assert second.columns["time"].tolist() == [0, 300]  # ms
+    assert (first.notes, first.doubts) == (("n",), ("of a",))
+    assert [(why, rows.tolist()) for why, rows in first.left_out.items()] == [
+        ("missing value", [4])
+    ]
+    assert (second.notes, second.doubts, second.left_out) == ((), (), {})
+    data.sample_time, data.missing, data.columns = None, "error", {"F": COLUMN}
+    with refused("row 4, column force: the value of F is missing"):
+        recordings_apart(whole, data, UNITS, {})
+    data.recordings, data.missing = None, "drop"
+    (alone,) = recordings_apart(whole, data, UNITS, {})
+    assert alone.columns["F"].tolist() == [5, 6, 8]
+
+
 def test_a_signal_has_the_first_of_equal_stamps_and_no_missing_values():
     first = samples(time=[0, 1, 1, np.nan, 3, 4], P=[5, 6, 7, 8, np.nan, 9])
     found = _ordered_signal(first, "P")
     assert [one.tolist() for one in found] == [[0, 1, 4], [5, 6, 9]]
     empty = _ordered_signal(samples(time=[np.nan], P=[1]), "P")
     assert [one.size for one in empty] == [0, 0]
-    with refused("a.csv:row 5: time runs backwards"):
-        _ordered_signal(samples(time=[0, 2, np.nan, 1], P=[1, 1, 1, 1]), "P")
+    with refused("a.csv:row 6: time runs backwards"):
+        _ordered_signal(samples(time=[0, 2, 2, np.nan, 1], P=[1, 1, 1, 1, 1]), "P")
 
 
 def shift(monkeypatch, second="P2", is_found=True, **found):

@@ -61,6 +61,18 @@ def test_a_clock_that_begins_anew_goes_on(ingest, cells, unit, expected):
     np.testing.assert_allclose(times(dataset), expected, rtol=0, atol=1e-6)
 
 
+def test_a_clock_in_several_columns_goes_on_at_midnight(ingest):
+    rows = ("23,58,80,0,1", "23,59,80,0,2", "0,0,80,0,3", "0,1,80,0,4", "")
+    time = {"columns": ["hour", "minute"], "format": "h min", "unwrap": True}
+    content = "\n".join(["hour,minute,P,eps,F", *rows])
+    for unit, second in (("s", 1), ("ms", 1000)):
+        dataset = ingest(
+            {"a.csv": content}, columns={**COLUMNS, "time": time}, units={"time": unit}
+        )
+        minutes = np.array([1438, 1439, 1440, 1441])
+        np.testing.assert_allclose(times(dataset), second * 60 * minutes)
+
+
 @pytest.mark.parametrize("cells", [("5000", "0"), ("23:00:00", "12:00:00"), ("3000000", "0")])
 def test_a_clock_that_was_set_back_is_none_that_begins_anew(ingest, cells):
     for more in ({}, {"unwrap": True}):

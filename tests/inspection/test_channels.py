@@ -2,11 +2,14 @@
 
 import re
 import subprocess
+from pathlib import Path
 
 import numpy as np
 import pytest
 from reading import refused
 
+from mapmore_cli.annexes.drafting import channels
+from mapmore_cli.annexes.drafting.channels import command_for_one_table
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.domain.errors import UsageError
 
@@ -48,11 +51,25 @@ def test_channels_become_one_table_by_the_command(has_title, delimiter, end, tmp
     assert draft.spec["target"] == "force"
 
 
+def test_two_files_with_two_numbers_each_are_pasted_in_alphabetical_order(tmp_path, monkeypatch):
+    for name, end in (("b", "\r\n"), ("a", "\n")):
+        (tmp_path / f"{name}.csv").write_bytes(end.join([name, "1", "2", ""]).encode())
+    found = Path.iterdir
+    monkeypatch.setattr(Path, "iterdir", lambda folder: sorted(found(folder), reverse=True))
+    command = command_for_one_table(tmp_path)
+    assert command.startswith(f"paste {tmp_path}/a.csv {tmp_path}/b.csv | tr -d '\\r' > ")
+    monkeypatch.setattr(channels, "LARGEST", 9)  # the size of the larger file
+    assert command_for_one_table(tmp_path) == command
+    monkeypatch.setattr(channels, "LARGEST", 8)
+    assert command_for_one_table(tmp_path) is None
+    assert command_for_one_table(tmp_path / "a.csv") is None
+
+
 @pytest.mark.parametrize(
     "change",
     [
         *("another clock", "shorter", "a second column", "words", "alone", "blank", "mark"),
-        "a title of another file",
+        *("a title of another file", "a wide row", "no title"),
     ],
 )
 def test_files_that_do_not_fit_get_no_such_command(change, tmp_path):
@@ -69,6 +86,8 @@ def test_files_that_do_not_fit_get_no_such_command(change, tmp_path):
             "a second column": text.replace("\n", ",1\n"),
             "words": re.sub(r"(?m)^0\.50,.*$", "0.50,stop", text),
             "alone": text,
+            "a wide row": text.replace("0.50,", "0.50,1,"),
+            "no title": "\n" + text.partition("\n")[2],
             "blank": text.replace("0.50,", "\n0.50,"),
             "mark": f"\ufeff{text}",
             "a title of another file": text.replace("force [N]", "strain [1]"),

@@ -40,6 +40,7 @@ from mapmore_cli.annexes.drafting.spelling import spelt, words
 from mapmore_cli.annexes.drafting.understanding import _measured
 from mapmore_cli.annexes.drafting.written_columns import with_strain
 from mapmore_cli.domain.errors import UsageError
+from mapmore_cli.study.units import convert
 
 
 def column(*values, title="", place=0, quantity="", unit="", **more):
@@ -56,6 +57,9 @@ def test_clocks_of_this_century_show_their_unit(year, within):
         clock = [np.array([start, start + 0.5]) * second]
         assert unit_of_clock(clock) == (unit if within else "s")
     assert unit_of_clock([np.array(SINCE_1970)]) == unit_of_clock([np.ones(1)]) == "s"
+    step, (first, last) = 20.0 * np.arange(3), SINCE_1970
+    clocks = (first + step, last - 40 + step, first - 20 + step, last - 20 + step)
+    assert [unit_of_clock([clock]) for clock in clocks] == ["s", "s", "ms", "ms"]
 
 
 @pytest.mark.parametrize(
@@ -93,6 +97,11 @@ def test_where_a_clock_starts_again(turn):
     assert column(np.tile(step * np.arange(0, 10.4), 3)).turn == 0
 
 
+@pytest.mark.parametrize(("last", "turn"), [(60, 60), (59, 0)])
+def test_a_clock_may_repeat_each_second(last, turn):
+    assert column(np.tile(np.repeat(np.arange(last), 3), 3)).turn == turn
+
+
 def test_counters_rise_by_one_and_blocks_have_five_rows():
     assert column([3, 4, 5], [0, 1]).counts
     assert not column([3, 4, 6]).counts
@@ -104,6 +113,7 @@ def test_counters_rise_by_one_and_blocks_have_five_rows():
     for other in (number + 1, 2 * number - 1, np.roll(number, 1), np.ones(20)):
         assert column(other).blocks == 0
     assert column([1] * 9, [2] * 9).blocks == 0  # files tell them apart already
+    assert column().blocks == 0
     assert column(number, quantity="force").blocks == column(number, unit="N").blocks == 0
     assert column(texts=["a", "b"], numbered=[np.repeat([1.0, 2.0], 5)]).blocks == 2
 
@@ -131,10 +141,41 @@ def test_parts_of_a_clock_stay_below_their_turns():
     assert not clock_in_parts({name: column([0, 0, 1], title=name) for name in table})
 
 
+@pytest.mark.parametrize(
+    ("minutes", "seconds", "is_clock"),
+    [
+        (([0, 0, 1], [5, 5, 5]), ([58, 59, 0], [0, 1, 2]), True),
+        (([0, 0, 1], [5, 5, 5]), ([58, 59, 0], [0, 60, 61]), False),
+        (([0, 0, 1], [5, 5, 5.5]), ([58, 59, 0], [0, 1, 2]), False),
+        (([0, 0, 1], [-5, -5, -5]), ([58, 59, 0], [0, 1, 2]), False),
+        (([0, 0, 1],), ([29, 30, 0],), True),  # the largest part of a minute is at least its half
+        (([0, 0, 1],), ([28, 29, 0],), False),
+        (([0, 0, 1], [0, 0]), ([29, 30, 0], [1, 2, 3]), False),
+    ],
+)
+def test_parts_of_a_clock_suit_each_other_in_every_file(minutes, seconds, is_clock):
+    parts = {"mm": column(*minutes, title="mm"), "ss": column(*seconds, title="ss", place=1)}
+    assert clock_in_parts(parts) == ({"mm": "min", "ss": "s"} if is_clock else {})
+    # the last word of a title is the unit
+    moved = {f"{key} of x": replace(one, title=f"{key} of x") for key, one in parts.items()}
+    assert clock_in_parts(moved) == {}
+    assert bool(clock_in_parts({**parts, "mm": replace(parts["mm"], title="t mm")})) == is_clock
+    last = {**parts, "mm": replace(parts["mm"], title="mm x")}
+    assert clock_in_parts(last) == {}
+
+
+@pytest.mark.parametrize(("steps_back", "is_clock"), [(1, True), (2, False)])
+def test_a_clock_in_parts_may_step_back_once_in_a_hundred(steps_back, is_clock):
+    time = np.arange(101.0)
+    time[[50, 70][:steps_back]] -= 5
+    parts = {"mm": column(time // 60, title="mm"), "ss": column(time % 60, title="ss", place=1)}
+    assert bool(clock_in_parts(parts)) == is_clock
+
+
 @pytest.mark.parametrize(("coarser", "finer"), [*combinations(PARTS, 2)])
 def test_a_part_restarts_when_the_part_before_it_increases(coarser, finer):
-    turn = round(PARTS[coarser][1] / PARTS[finer][1])
-    last, first = PARTS[coarser][0].split()[-1], PARTS[finer][0].split()[0]
+    turn = round(convert(1.0, coarser, finer))
+    last, first = PARTS[coarser].split()[-1], PARTS[finer].split()[0]
 
     def found(finer_numbers):
         coarse = column([1_700_000_000.0, 1_700_000_001.0, 1_700_000_001.0], title=last)
@@ -153,7 +194,7 @@ def test_reasons_why_columns_are_left_out():
         (column(np.ones(40), title="flat", place=2), "never changes"),
         (column(7.0 * np.arange(40), title="t2", unit="ms", place=3), "second clock"),
         (column(wave, title="simulated y", place=4), "was computed"),
-        (column(np.repeat(np.arange(8), 5), title="run no", place=5), "numbers recordings"),
+        (column(np.repeat(np.arange(8), 5), title="red run", place=5), "numbers recordings"),
         (column(np.arange(40), title="n", place=6), "counts its rows"),
         (column(0.3 * np.arange(40), place=7), "always increases"),
         (column(wave + 1, title="a", place=8), ""),
@@ -196,6 +237,9 @@ def known(*columns):
 def test_why_a_time_is_no_clock(values, why):
     time = column(values, title="time", quantity="time", unit="s")
     assert known(time, noisy("a"))[1]["time"].startswith(why)
+    if "repeats" in why:  # in one of two files
+        time = replace(time, values=[values, np.array([0.0, 1, 2, 0])])
+        assert known(time, noisy("a"))[1]["time"].startswith(why)
 
 
 def test_a_clock_in_parts_is_one_quantity_and_no_other_column_is_a_clock():
@@ -328,10 +372,14 @@ def test_conditions_are_in_the_units_of_models():
         ((1, 2, 3), (0.1, 0.2, 0.32), 0.0, False),
         ((1, 2, 2), (0.1, 0.2, 0.2), 0.0, False),
         ((1, 2), (0.1, 0.2), 0.0, False),
+        ((1, 2, 3), (0, 4, 8), 0.9, True),
+        ((1, 2, 3), (0, 4, 8), 1, False),
+        ((1, 2, 3), (0, 4, 8), np.array([0, 1, 0]), False),  # one of them moves as much
     ],
 )
 def test_set_points_in_names_of_what_a_column_measures(numbers, means, wave, measured):
-    table = {"x": column([5, 6], [6, 5]), "y": column(*([m - wave, m + wave] for m in means))}
+    ends = zip(means - np.broadcast_to(wave, len(means)), means + np.asarray(wave), strict=True)
+    table = {"x": column([5, 6], [6, 5]), "y": column(*ends)}
     name = "y" if measured else None
     assert _measured(NamedCondition("bag", "", numbers), table) == name
     table["y"] = replace(table["y"], quantity="force", unit="N")
@@ -348,6 +396,7 @@ def test_set_points_in_names_of_what_a_column_measures(numbers, means, wave, mea
         (["P100", "P200", "P400", "P500", "P600"], "P100 P200 P400 P500 ..."),
         (["P100_s1", "P200_s1", "P100_s2", "P200_s2"], "`--hold pressure=P:kPa`"),
         (["F10", "F20", "F50"], "`--hold force=F:N`"),
+        (["P500", "P200", "P100"], "P100 P200 P500 ..."),
         (["P1", "P2", "P3"], ""),
         (["P100", "P200", "Q"], ""),
         (["P100kPa", "P200kPa"], ""),
@@ -366,13 +415,16 @@ def test_groups_by_the_number_behind_their_word_then_the_letter_then_the_words()
     assert group_words(["soft_run1_5kPa", "stiff_run2_5kPa"], "muscle") == ["soft__", "stiff__"]
     assert group_words(["10cm_1", "20cm_1"], "muscle") == ["10cm_", "20cm_"]
     assert group_words(["7", "8"], "muscle") == ["7", "8"]
+    assert group_words(["muscle 1 run2", "arm run3"], "muscle") == ["muscle 1 ", "arm "]
+    assert group_words(["muscle 1 a", "muscle 1 b"], "muscle") == ["muscle 1 a", "muscle 1 b"]
     for first, other in (("red", "blue"), ("S1", "S12"), ("Sample 1", "Sample 2")):
         for form in ("{}_pull_{}bar", "pull_{}_{}bar"):
             groups = group_words(
                 [form.format(word, bar) for word in (first, other) for bar in "12"], "specimen"
             )
             assert [groups.index(one) for one in groups] == [0, 0, 2, 2]
-    assert numbered_groups(["s7", "s5", "s7"], "sample").values == (2, 1, 2)
+    groups = numbered_groups(["s7", "s5", "s7"], "sample")
+    assert (groups.values, groups.sure) == ((2, 1, 2), True)
 
 
 def test_held_out_files_are_named_by_what_they_are_for():
@@ -428,6 +480,7 @@ def test_a_draft_has_sections_keys_and_notes():
     assert draft.spec["data"] == {"files": ["x"], "levels": {"of": "P"}, "skip_bad_files": True}
     assert draft.open == {("data", "levels"): Note("by name", sure=False)}
     assert draft.notes["units",] == Note("titles")
+    assert empty.with_data("files", ["y"], "why").open == {}
     assert draft.bad_files == ""
     for sure, files in ((False, "b.csv"), (True, "")):
         assert draft.noted(("data", "skip_bad_files"), "b.csv", sure).bad_files == files
@@ -487,6 +540,7 @@ def test_a_drawing_of_a_column_is_scaled_to_its_box():
         ([0.0, 3.0], {}, "displacement/0.2"),
         ([-3.0, 2.0], {}, "-displacement/0.2"),
         ([-2.0, 2.0], {}, "displacement/0.2"),
+        ([-2.0, -2.0], {}, "-displacement/0.2"),
         ([0.0, 3.0], {"scale": -1.0}, "-displacement/0.2"),
         ([0.0, 3.0], {"offset": -2.0}, "-displacement/0.2"),
     ],
@@ -496,6 +550,7 @@ def test_a_displacement_contracts_where_it_mostly_moves(values, scaling, rule):
     draft = Draft({"data": {"columns": {"displacement": entry}}}, raw={"d": [np.array(values)]})
     made, measured = with_strain(draft, 0.2, {})
     assert (made.data["derive"], measured) == ({"strain": rule}, "displacement")
+    assert not made.notes["data", "derive"].sure
     lengths = Draft({"data": {"columns": {"length": {"column": "l"}}}})
     assert with_strain(lengths, 0.2, {})[0].data["derive"] == {"strain": "(0.2 - length)/0.2"}
     assert with_strain(lengths, 0.2, {"strain": [1.0]})[1] == ""
@@ -523,6 +578,7 @@ def titled(*titles, units=(), **values):
 def test_titles_and_units_of_files(title, line, quantity, unit, source):
     (one,) = titled(title, units=(line,)).values()
     assert (one.quantity, one.unit, one.source) == (quantity, unit, source)
+    assert quantity or not one.plain
 
 
 @pytest.mark.parametrize(
@@ -555,6 +611,7 @@ def test_columns_become_quantities_with_reasons():
     clock = column(np.arange(5)).as_quantity("time")
     assert (clock.unit, clock.why[:23]) == ("ms", "it always increases: is")
     assert not column([0, -12.6], unit="rad").as_quantity("bend").sure  # more than two turns
+    assert column([0, 4 * np.pi], unit="rad").as_quantity("bend").sure
     texts = column(title="day", texts=("a", "b")).as_quantity("day")
     assert (texts.unit, texts.texts) == ("1", True)
     assert column(title="day", texts=("a", "b", "c")).described == "day  3 texts, a to c"
@@ -623,4 +680,4 @@ def test_a_name_without_a_number_means_zero():
     assert "0 for 'empty', which has no number" in found.why
     assert told_by_names(["a", "b"], Hold("none")) == ([], [])
     with pytest.raises(UsageError, match="no number in the names"):  # it is equal in all names
-        told_by_names(["k3_a", "k3_b"], Hold("k"))
+        told_by_names(["load3_a", "load3_b"], Hold("load"))

@@ -1,11 +1,13 @@
 """Every constant of what drafts take from recordings: levels, held-out data, memory, bad files."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from recorded import recording, write
 
+from mapmore_cli.annexes.drafting import static_or_memory
 from mapmore_cli.annexes.drafting.answers import Hold
 from mapmore_cli.annexes.drafting.columns import TitledColumn
 from mapmore_cli.annexes.drafting.draft import Draft
@@ -26,6 +28,7 @@ from mapmore_cli.annexes.drafting.sources import patterns
 from mapmore_cli.annexes.drafting.static_or_memory import with_experiment
 from mapmore_cli.annexes.drafting.studies import FolderStudy, find_studies
 from mapmore_cli.annexes.drafting.understanding import _is_filtered
+from mapmore_cli.checking.evidence import MUCH
 from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.storage.tables.cells import NotANumber
 
@@ -54,6 +57,19 @@ def experiment(*recordings, inputs=("u",), target="y", held=None, conditions=Non
 )
 def test_levels_are_far_apart_and_rounded_by_their_scatter(starts, levels):
     recordings = [recording(u=start + np.linspace(0, 1, 101)) for start in starts]
+    assert own_levels(recordings, "u") == levels
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "levels"),
+    [
+        ((0, 1), (1.5, 2.5), None),  # the gap is half as wide as a level
+        ((0, 1), (1.625, 2.625), [0.5, 2]),
+        ((1.5, 3.5), (6, 6), [2, 6]),  # 2 is a quarter of the width from the middle, 2.5
+    ],
+)
+def test_levels_at_the_limits_of_their_distance_and_their_rounding(low, high, levels):
+    recordings = [recording(u=np.repeat(ends, 10)) for ends in (low, high)]
     assert own_levels(recordings, "u") == levels
 
 
@@ -95,8 +111,10 @@ def test_samples_between_levels_of_one_recording_are_left_out():
     level = np.append(np.arange(100), np.arange(100)[::-1])
     both = [recording(u=u, v=level) for u in (1, 2)]
     assert goes_in_cycles(both, find_held(both, ("u", "v"), None, {}))
-    both[1] = recording(u=2, v=np.arange(200))
-    assert not goes_in_cycles(both, find_held(both, ("u", "v"), None, {}))
+    for place in (0, 1):
+        one_way = [*both]
+        one_way[place] = recording(u=place + 1, v=np.arange(200))
+        assert not goes_in_cycles(one_way, find_held(one_way, ("u", "v"), None, {}))
 
 
 # Held-out data
@@ -143,11 +161,15 @@ def test_what_is_held_out(done, said, held_out):
 
 
 def test_recordings_of_one_file_and_pieces_of_a_log_are_held_out_whole():
-    trials = [recording(f"r[{k}]", y=[1, 2], n=k) for k in (7, 3, 5, 4)]
+    trials = [recording(f"r[{k}]", y=[1, 2], n=k) for k in (9, 3, 5, 4)]
     done = experiment(*trials, apart=["n"])
     assert with_split(BARE, done, None).data["split"] == {"validate": {"n": [4]}}
+    many = [recording(f"r[{k}]", y=[1, 2], n=k) for k in range(7)]
+    for count, held_out in ((3, [1]), (5, [1]), (6, [1, 4]), (7, [1, 4])):
+        some = replace(done, recordings=many[:count])
+        assert with_split(BARE, some, None).data["split"] == {"validate": {"n": held_out}}
     two = replace(done, recordings=trials[:2])
-    assert with_split(BARE, two, "recordings").data["split"] == {"validate": {"n": [7]}}
+    assert with_split(BARE, two, "recordings").data["split"] == {"validate": {"n": [9]}}
     pieces = [recording(f"{log}#{k}", log, y=[1, 2]) for log in "abcd" for k in (1, 2)]
     draft = with_split(BARE, experiment(*pieces), None)
     assert draft.data["split"] == {"validate": {"recordings": ["b#1", "b#2"]}}
@@ -165,6 +187,8 @@ def test_recordings_of_one_file_and_pieces_of_a_log_are_held_out_whole():
     ("course", "held_out"),
     [
         (np.append(np.arange(51), np.arange(49)[::-1]), {"last": 0.3}),
+        (np.append(np.arange(70), np.zeros(30)), {"last": 0.3}),  # the lowest value before
+        (np.append(np.arange(70), np.full(30, 69)), {"last": 0.3}),  # the highest value before
         (np.append(np.arange(85), np.full(15, 60)), {"last": 0.3}),  # half of the last 30 goes on
         (np.append(np.arange(86), np.full(14, 60)), {"fraction": 0.2, "seed": 1}),
         (np.repeat([0, 1, 2, 3], 25), {"strain": [2]}),  # most of the last 30 have a new value
@@ -214,6 +238,31 @@ def test_two_hundred_samples_with_a_clock_have_memory(done, step):
     assert "gaps" not in draft.data
 
 
+def test_a_study_with_memory_holds_out_the_end_even_beyond_the_rest():
+    done = timed(1, 300)
+    rising = [
+        replace(one, columns={**one.columns, "u": np.arange(300.0)}) for one in done.recordings
+    ]
+    done = replace(done, recordings=rising)
+    draft = with_experiment(done, BARE, None, lambda _: rising)
+    assert draft.data["split"] == {"validate": {"last": 0.3}}
+
+
+def test_recordings_of_one_sample_do_not_shorten_the_time_step():
+    long, single = timed(1, 9000, 0.001), timed(3, 1)
+    done = replace(long, recordings=[*long.recordings, *single.recordings])
+    assert drafted_of(done).data["resample"] == 0.0015
+    assert drafted_of(timed(150, 2)).data["resample"] == 0.01
+
+
+def test_a_gap_is_longer_than_five_of_the_time_steps_of_the_model():
+    assert drafted_of(timed(1, 9000, 0.001, gaps=(9,))).data["gaps"]["longer_than"] == 0.009
+    for jump, is_gap in ((5.0, False), (6.0, True)):
+        time = np.append(np.arange(150.0), 149 + jump + np.arange(150.0))
+        one = recording(time=time, u=np.sin(time), y=np.sin(time))
+        assert ("gaps" in drafted_of(experiment(one)).data) == is_gap
+
+
 def test_gaps_are_longer_than_five_steps_and_are_counted():
     for gaps, why in (((9,), "s: 1 gap; the"), ((9, 50), "s: 2 gaps; the")):
         draft = drafted_of(timed(1, 300, gaps=gaps))
@@ -225,17 +274,46 @@ def test_gaps_are_longer_than_five_steps_and_are_counted():
 
 
 @pytest.mark.parametrize(
-    ("scatter", "is_static"), [(0.09, True), (0.11, False)]
-)  # of the target within a recording, as a fraction of that between recordings
+    ("scatter", "is_static"),
+    [(4 * [0.9], True), (4 * [1], True), (4 * [1.1], False), ([1.1, 0, 0, 0], False)],
+)
 def test_recordings_in_which_nothing_moves_are_points(scatter, is_static):
+    """The scatter of the target in a recording is at most a tenth of the one between them, 10."""
     swing = np.where(np.arange(100) % 2, 1.0, -1.0)
-    points = {k: s + scatter * swing for k, s in enumerate((-1, 1, -1, 1))}
+    points = {k: s + scatter[k] * swing for k, s in enumerate((-10, 10, -10, 10))}
     more = {"time": np.arange(100), "constant": 7}
     recordings = [recording(f"r{k}", u=k, y=y, **more) for k, y in points.items()]
     done = experiment(*recordings, inputs=("u", "constant"))
     assert ("resample" in drafted_of(done).data) != is_static
-    moving = [replace(one, columns={**one.columns, "u": 9 * swing}) for one in recordings]
-    assert "resample" in drafted_of(experiment(*moving)).data
+    for count in (1, 4):  # recordings in which the input moves
+        moving = [
+            replace(one, columns={**one.columns, "u": 9 * swing}) for one in recordings[:count]
+        ]
+        assert "resample" in drafted_of(experiment(*moving, *recordings[count:])).data
+
+
+def swept(levels, **more):
+    """Recordings, each at one level, in which the pressure rises and falls."""
+    there_and_back = np.append(np.arange(100.0), np.arange(100.0)[::-1])
+    columns = {"pressure": there_and_back, "force": there_and_back, **more}
+    runs = [recording(f"r{level}", **columns, strain=level) for level in range(levels)]
+    held = Held("strain", [float(level) for level in range(levels)], None, "pressure", "you")
+    return experiment(*runs, inputs=("strain", "pressure"), target="force", held=held)
+
+
+@pytest.mark.parametrize(("levels", "has_cycles"), [(2, False), (3, True)])
+def test_loops_at_more_than_two_levels_are_split_into_branches(levels, has_cycles):
+    assert ("cycles" in drafted_of(swept(levels)).data) == has_cycles
+
+
+@pytest.mark.parametrize(("share", "is_settled"), [(MUCH, False), (MUCH + 0.01, True)])
+def test_only_samples_at_which_the_pressure_has_settled_are_kept(monkeypatch, share, is_settled):
+    found = SimpleNamespace(share_between=share, window=0.5, limit=2.0, share=0.4)
+    monkeypatch.setattr(static_or_memory, "settling", lambda _: found)
+    draft = drafted_of(swept(3, time=np.arange(200.0)))
+    keep = [{"quantity": "pressure_rate", "abs_below": 2.0}]
+    assert draft.data.get("keep") == (keep if is_settled else None)
+    assert ("cycles" in draft.data) != is_settled
 
 
 @pytest.mark.parametrize(
@@ -272,6 +350,20 @@ def test_at_most_three_words_mean_a_missing_value():
         else:
             found = with_words(lambda rule, cells=cells: read(cells, rule), known)
             assert found == (rule, "read")
+
+
+@pytest.mark.parametrize(("count", "more"), [(12, ""), (13, ", ...")])
+def test_all_of_five_files_and_twelve_columns_are_described(tmp_path, count, more):
+    """The rows are those of the column with the fewest empty cells."""
+    titles = [f"c{k}" for k in range(count)]
+    for number in range(5):
+        rows = ([row, *["" if row < 3 else number + row] * (count - 1)] for row in range(9))
+        lines = [",".join(map(str, cells)) for cells in [titles, *rows]]
+        (tmp_path / f"{number}.csv").write_text("\n".join([*lines, ""]))
+    (study,), _ = find_studies(tmp_path)
+    shown = ", ".join(titles[:12])
+    told = f"5 files, 45 rows, {count} columns ({shown}{more})"
+    assert described(study, tmp_path) == told
 
 
 def test_a_layout_is_described_by_some_of_its_files(tmp_path):
@@ -343,6 +435,7 @@ def test_a_target_was_computed_from_three_samples_of_a_column():
     assert _is_filtered([x[:30]], [y[:30]])
     assert not _is_filtered([x[:29]], [y[:29]])
     assert not _is_filtered([x], [y[:-1]])
+    assert not _is_filtered([x, x], [y, y[:-1]])
 
 
 def test_the_page_of_a_draft_shows_each_column_and_inputs_against_the_output():

@@ -4,8 +4,6 @@ to file, points of one file each, maps of cells, cells shown in per cent, hidden
 
 from __future__ import annotations
 
-import contextlib
-
 import numpy as np
 import pytest
 from recorded import checked, dataset_of, drafted, workbook, write
@@ -13,7 +11,7 @@ from recorded import checked, dataset_of, drafted, workbook, write
 from mapmore_cli.annexes.drafting.answers import answers_of
 from mapmore_cli.annexes.drafting.checked import with_few_files
 from mapmore_cli.annexes.drafting.start import start
-from mapmore_cli.domain.errors import SpecError, UsageError
+from mapmore_cli.domain.errors import UsageError
 
 ROWS, LONG = np.arange(40), np.arange(300)
 
@@ -89,23 +87,6 @@ def test_rows_of_means_are_told(tmp_path):
 
 # Files
 # --------------------------------------------------------------------------------------------------
-
-
-def test_units_that_are_no_other_units_of_one_quantity_are_other_layouts(tmp_path):
-    for number, title in enumerate(["angle [deg]", "angle [deg]", "angle [V]", "angle"]):
-        write(tmp_path / f"{number}.csv", {"P [bar]": ROWS, title: ROWS**2})
-    told = []
-    with contextlib.suppress(UsageError):
-        start(tmp_path, tmp_path, tell=told.append)
-    assert told[0].endswith("3 layouts:")
-
-
-def test_a_column_of_some_files_alone_is_refused(tmp_path):
-    write(tmp_path / "a.csv", {"P": ROWS, "F": ROWS**2})
-    draft = drafted(tmp_path, answers=answers_of(target="F", inputs="P"))
-    draft = draft.with_data("files", [{"path": "a.csv", "columns": {"x": {"column": "F"}}}])
-    with pytest.raises(SpecError, match="'x' has a column in some files only"):
-        dataset_of(draft, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,9 @@ files that hold trees of arrays.
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+from types import SimpleNamespace
+
 import h5py
 import numpy as np
 import pytest
@@ -11,9 +14,13 @@ from recorded import drafted, workbook
 from scipy.io import savemat
 from test_lvm_reader import FIRST, HEAD
 
-from mapmore_cli.annexes.drafting.first_lines import unread
+from mapmore_cli.annexes.drafting import first_lines
+from mapmore_cli.annexes.drafting.first_lines import comment_among, kinds_of_lines, unread
+from mapmore_cli.annexes.drafting.found_table import _labelled_lines
+from mapmore_cli.annexes.drafting.layout import FileLayout
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.annexes.drafting.reading import read_draft
+from mapmore_cli.annexes.drafting.rows import are_units
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, TableRequest
 
@@ -99,6 +106,7 @@ ABOVE = {  # what stands above three columns of numbers: their names in the spec
     "": ("0 1 2", ""),
     "\n\n": ("0 1 2", ""),
     "t,P,F,\n": ("0 1 2", ""),
+    "Rig seven,by me\n": ("0 1 2", ""),
 }
 
 
@@ -126,9 +134,25 @@ def test_a_line_of_units_that_has_a_one_and_words_beside_numbers(tmp_path):
     assert preview(path).settings == {"delimiter": ";", "decimal": ","}
     path.write_text(",F\n" + "".join(f"{k},{k * k}\n" for k in range(20)))
     assert preview(path).titles == ("", "F")  # half of the columns are named
+    path.write_text("t,P,P\n,left,right\n" + "".join(f"{k},{k},{-k}\n" for k in range(20)))
+    assert preview(path).titles == ("t", "P left", "P right")
+    # the words of a line with numbers are not about columns
+    path.write_text("gain,2.5,low\nt,P,P\n" + "".join(f"{k},{k},{-k}\n" for k in range(20)))
+    assert preview(path).titles == ("t", "P", "P")
+    path.write_text("run,5\nt,F,\n" + "".join(f"{k},{k},\n" for k in range(20)))
+    assert preview(path).titles == ("t", "F")
+    path.write_text("1,2\n")
+    assert preview(path).columns == (0, 1)
+    path.write_text("t,F\n" + "".join(f"{k},{k}\n" for k in range(20)) + "end of test\nby me\n")
+    assert preview(path).titles == ("t", "F")
     path.write_text("# t P\n# s kPa\n" + "".join(f"{k} {k}\n" for k in range(20)))
     layout = preview(path)
     assert (layout.columns, layout.titles, layout.units) == ((0, 1), ("t", "P"), ("s", "kPa"))
+
+
+def test_a_line_of_units_has_more_units_than_other_words():
+    assert are_units(["kPa", "N", "", "left"])
+    assert not are_units(["kPa", "left"])
 
 
 @pytest.mark.parametrize(
@@ -145,14 +169,36 @@ def test_values_above_and_beside_a_map_rise_or_fall(tmp_path, across, is_map):
     assert not is_map or found.numeric == (0, 1, 2)
 
 
+def test_a_map_has_at_least_three_values_of_both_quantities(tmp_path):
+    for text in (",10,20\n1,5,6\n2,6,7\n4,7,8\n8,7,8\n", ",10,20,40\n1,5,6,7\n2,6,7,8\n4,7,8,9\n"):
+        (tmp_path / "a.csv").write_text(text)
+        assert not preview(tmp_path / "a.csv").is_map
+
+
+def test_labels_are_texts_above_an_empty_column_or_end_with_a_colon_above_numbers():
+    top = SimpleNamespace(is_number=lambda cell: str(cell).isdecimal())
+    label, word = ["Count:", "3", "3"], ["Name", "t", "F"]
+
+    def found(*firsts):
+        rows = [label, word, ["Unit", "s", "N"], *([first, "1", "2"] for first in firsts)]
+        return _labelled_lines(rows, 3, top)
+
+    assert found(*"1234567") == [label]
+    assert found(*"123456x") == []
+    assert [row[0] for row in found(*[""] * 7)] == ["Count:", "Name", "Unit"]
+
+
 def test_tables_below_each_other_differ_in_their_titles_or_their_number_of_columns(tmp_path):
     path, rows = tmp_path / "a.csv", "".join(f"{k},{k * k}\n" for k in range(30))
     path.write_text(f"{rows}\n{rows}\n1,2,3\n4,5,6\n")
     assert (preview(path).tables, preview(path).left) == ((1, 2), ("table 3 (3 columns)",))
+    path.write_text(f"a,b\n{rows}a,b\n{rows}")
+    assert preview(path).tables == (1, 2)
     path.write_text(f"a,b\n{rows}# x,y\n{rows}")  # a comment is no header
     assert preview(path).tables == ()
-    path.write_text(f"a,b\n{rows}c,d\n{rows}# x,y\n{rows}")
-    assert preview(path).tables == (1,)
+    for note in ("", "# note\n", f"# note\n{rows}"):
+        path.write_text(f"a,b\n{rows}c,d\n{rows}{note}# x,y\n{rows}")
+        assert preview(path).tables == (1,)
 
 
 @pytest.mark.parametrize(("numbers", "numeric"), [(10, (0, 2)), (11, (0, 1, 2))])
@@ -175,6 +221,59 @@ def test_what_no_reader_takes_is_named_with_what_to_do(tmp_path, name):
         preview(tmp_path / name)
     assert caught.value.message == told
     assert unread(tmp_path / "a.csv") is unread(tmp_path / "README.md") is None
+
+
+@pytest.mark.parametrize(("widest", "is_read"), [(3, True), (2, False)])
+def test_a_table_has_at_most_so_many_columns_as_init_can_read(
+    tmp_path, monkeypatch, widest, is_read
+):
+    monkeypatch.setattr("mapmore_cli.annexes.drafting.preview.WIDEST", widest)
+    (tmp_path / "a.csv").write_text("Rig 7\nt,P,F\n" + "1,2,3\n" * 9)
+    with nullcontext() if is_read else pytest.raises(DataError, match="has 3 columns, more than 2"):
+        assert preview(tmp_path / "a.csv").titles == ("t", "P", "F")
+
+
+def test_the_reason_is_that_of_a_row_in_the_middle(tmp_path):
+    text = "p,x,F\na,b,c\na,b,c\n" + "2 bar,1 m,3 N\n" * 3
+    (tmp_path / "a.csv").write_text(text)
+    with pytest.raises(DataError, match="because '2 bar' is not a number"):
+        preview(tmp_path / "a.csv")
+    (tmp_path / "a.csv").write_text("\n" * 9)
+    with pytest.raises(DataError, match="no table of numbers"):
+        preview(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("row", ["5 m", "12:00:01,on"])
+def test_no_reason_is_given_for_texts_that_are_no_table(tmp_path, row):
+    (tmp_path / "a.csv").write_text(f"{row}\n" * 9)
+    with pytest.raises(DataError, match="was found in its first 9 lines") as caught:
+        preview(tmp_path / "a.csv")
+    assert "because" not in caught.value.message
+
+
+@pytest.mark.parametrize(
+    ("text", "skipped", "mark"),
+    [
+        ("# t,F\n1,2\n# note\n3,4\n", 0, None),  # the line of titles would be skipped as well
+        ("t,F\n1,2\n# note\n3,4\n", 0, "#"),
+        ("# rig\nt,F\n1,2\n% note\n3,4\n", 1, "%"),
+        ("t,F\n1,2\n3,4\n", 0, None),
+    ],
+)
+def test_comments_between_rows_begin_with_a_mark(tmp_path, text, skipped, mark):
+    (tmp_path / "a.csv").write_text(text)
+    layout = FileLayout("csv", (), (), {"skip_rows": skipped} if skipped else {}, (), ())
+    assert comment_among(tmp_path / "a.csv", layout) == mark
+
+
+def test_texts_are_alike_if_their_beginnings_differ_only_in_numbers(tmp_path, monkeypatch):
+    monkeypatch.setattr(first_lines, "HEAD", 14)
+    (tmp_path / "a.csv").write_bytes(b"")
+    assert kinds_of_lines(tmp_path / "a.csv") == ()
+    for text in (b"t,F\n1,2\n33,4\n", b"t,F\n10,2\n3,47\n", b"t,F\n1,2\nremark on"):
+        # from 14 bytes on, the last line is cut
+        (tmp_path / "a.csv").write_bytes(text)
+        assert kinds_of_lines(tmp_path / "a.csv") == (b"t,F", b"0,0")
 
 
 # Workbooks
@@ -218,6 +317,15 @@ def test_every_sheet_that_is_alike_is_read(tmp_path, titles):
     assert draft.data["files"] == (one_by_one if len(titles) > 1 else ["a.xlsx"])
     assert len(read_draft(draft, tmp_path, "force").recordings) == len(titles)
     assert "left out because their layout differs: 'notes', 'summary'" in draft.text()
+
+
+def test_tables_below_each_other_are_looked_for_in_a_single_sheet_only(tmp_path):
+    rows = [["t", "F"], *([k, k * k] for k in range(9))]
+    workbook(tmp_path / "a.xlsx", {"one": [*rows, [], *rows]})
+    assert preview(tmp_path / "a.xlsx").tables == (1, 2)
+    workbook(tmp_path / "a.xlsx", {name: [*rows, [], *rows] for name in ("one", "two")})
+    found = preview(tmp_path / "a.xlsx")
+    assert (found.tables, found.alike) == ((), ("one", "two"))
 
 
 # Trees

@@ -13,8 +13,6 @@ from mapmore_cli.annexes.drafting.reading import table_of
 from mapmore_cli.annexes.drafting.start import start
 from mapmore_cli.annexes.drafting.studies import find_studies
 from mapmore_cli.domain.errors import DataError, SpecError
-from mapmore_cli.ingestion.dataset import build_dataset
-from mapmore_cli.ingestion.files import slice_of
 from mapmore_cli.storage.tables.below import tables_below
 from mapmore_cli.storage.tables.cells import holds_number
 
@@ -110,15 +108,6 @@ def test_bad_files_are_left_out_by_name(tmp_path):
     with pytest.raises(DataError, match="two sampling rates alternate"):
         start(tmp_path / "f.csv", tmp_path, answers=answers_of(**SAID))
     checked(draft, tmp_path)
-    warnings = []
-    spec = loaded(draft.with_data("skip_bad_files", True), tmp_path).spec
-    dataset = build_dataset(slice_of(spec), tmp_path, warn=warnings.append)
-    assert [one.id for one in dataset.recordings] == [*"abcd"]
-    assert sum("is left out as a bad file" in warning for warning in warnings) == 2
-    for bad, why in ((False, "e.csv: is empty"), (["*.csv"], "every file is left out")):
-        spec = loaded(draft.with_data("skip_bad_files", bad), tmp_path).spec
-        with pytest.raises(DataError, match=why):
-            build_dataset(slice_of(spec), tmp_path)
 
 
 def test_all_layouts_are_told_and_numbers_are_those_of_one(tmp_path):

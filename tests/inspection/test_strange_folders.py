@@ -129,14 +129,6 @@ def test_what_names_say_is_no_second_input_beside_its_measurement(tmp_path):
     assert "set" not in str(draft.data["files"])
 
 
-def test_the_strain_of_a_length_may_be_named_as_input(tmp_path):
-    u = 50 + 40 * np.sin(T[:900])
-    columns = (T[:900], u, 80 + 5 * np.cos(3 * T[:900]), np.roll(u, 3))
-    write(tmp_path / "log.csv", columns, "t [s],p [kPa],length [mm],force [N]\n")
-    said = answers_of(target="force", inputs="pressure,strain", length="88mm")
-    assert drafted(tmp_path, answers=said).data["derive"]["strain"] == "(0.088 - length)/0.088"
-
-
 def test_files_of_office_programs_are_passed_over(tmp_path):
     u = 50 + 40 * np.sin(T[:600])
     write(tmp_path / "log.csv", (T[:600], u, np.roll(u, 3)), "t [s],p [kPa],angle [deg]\n")
@@ -230,24 +222,6 @@ def test_names_behind_an_arrow_get_no_command_that_leaves_every_line_out(tmp_pat
     (tmp_path / "serial.csv").write_text("".join(lines))
     with pytest.raises(DataError, match="no table of numbers was found"):
         preview(tmp_path / "serial.csv")
-
-
-@pytest.mark.parametrize("said", [{}, {"sample_time": "10ms"}, {"no_clock": True}])
-def test_rows_without_a_clock_are_asked_for_their_step(tmp_path, said):
-    u = 50 + 40 * np.sin(T[:600])
-    for number in range(2):
-        columns = (np.arange(600), u + number, np.roll(u, 3))
-        write(tmp_path / f"enc{number}.csv", columns, "n,p [kPa],angle [deg]\n")
-    tips = drafted(tmp_path, answers=answers_of(**said)).tips
-    assert any("--sample-time 10ms" in tip for tip in tips) == (not said)
-
-
-def test_a_clock_that_runs_backwards_is_named_instead_of_a_sample_time(tmp_path):
-    u = 50 + 40 * np.sin(T[:600])
-    write(tmp_path / "a.csv", (T[599::-1], u, np.roll(u, 3)), "t [s],p [kPa],angle [deg]\n")
-    (tip,) = drafted(tmp_path, answers=answers_of(target="angle")).tips
-    assert tip.startswith("t [s] runs backwards")
-    assert "sort the rows" in tip
 
 
 def lines_of_levels(line, bars=(1.0, 2.0, 3.0)):

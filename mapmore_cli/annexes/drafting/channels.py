@@ -71,7 +71,7 @@ def _channel_in(file: Path) -> Channel | None:
     if file.stat().st_size > LARGEST:
         return None
     lines = file.read_text("latin-1").splitlines()
-    if not lines or not all(map(str.strip, lines)) or lines[0].startswith(MARK):
+    if not lines or not lines[0].strip() or lines[0].startswith(MARK):
         return None
     delimiter = next((mark for mark in "\t;," if mark in lines[-1]), "")
     rows = [line.split(delimiter) if delimiter else [line] for line in lines]

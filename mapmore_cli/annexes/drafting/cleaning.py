@@ -84,7 +84,7 @@ def _read_tolerantly(
         read = {one.source for one in dataset.recordings}
         bad = [name for name in names if name not in read]
         why = "; ".join(warning for warning in dict.fromkeys(warnings) if BAD in warning)
-        draft = draft.with_data("skip_bad_files", bad or True, why, False)
+        draft = draft.with_data("skip_bad_files", bad, why, False)
         is_most = 2 * len(read) >= len(names)
     hidden = tuple(one for one in dict.fromkeys(warnings) if " hidden " in one)
     return _with_losses(replace(draft, tips=hidden), dataset), dataset.recordings, is_most

@@ -14,17 +14,18 @@ from mapmore_cli.annexes.drafting.columns import Table, TitledColumn
 from mapmore_cli.annexes.drafting.draft import Column
 from mapmore_cli.annexes.drafting.spelling import words
 from mapmore_cli.ingestion.clock import MOST_GLITCHES
+from mapmore_cli.study.units import convert
 
 PARTS = {
-    "h": ("h hh hr hrs hour hours std stunde stunden heure heures hora horas ora ore", 3600.0),
-    "min": ("m mm min mins minute minutes minuten minuto minutos minuti", 60.0),
-    "s": ("s ss sec secs second seconds sek sekunde sekunden segundo segundos secondi", 1.0),
-    "ms": ("ms msec millis milli millisecond milliseconds millisekunden milisegundos", 1e-3),
-    "us": ("us usec micros microsecond microseconds mikrosekunden", 1e-6),
-    "ns": ("ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nanosekunden", 1e-9),
+    "h": "h hh hr hrs hour hours std stunde stunden heure heures hora horas ora ore",
+    "min": "m mm min mins minute minutes minuten minuto minutos minuti",
+    "s": "s ss sec secs second seconds sek sekunde sekunden segundo segundos secondi",
+    "ms": "ms msec millis milli millisecond milliseconds millisekunden milisegundos",
+    "us": "us usec micros microsecond microseconds mikrosekunden",
+    "ns": "ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds nanosekunden",
 }
 """For each unit of time, from the coarsest to the finest: the words with which titles of columns in
-this unit end, and the length of the unit in seconds.
+this unit end.
 """
 
 
@@ -40,7 +41,7 @@ class ClockPart:
     @property
     def second(self) -> float:
         """Length of the unit, in seconds."""
-        return PARTS[self.unit][1]
+        return convert(1.0, self.unit, "s")
 
     @property
     def restarts(self) -> bool:
@@ -66,7 +67,7 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
     found: dict[str, ClockPart] = {}
     for one in table.values():
         last = {*words(one.title)[-1:]}
-        unit = next((unit for unit, (titles, _) in PARTS.items() if last & {*titles.split()}), "")
+        unit = next((unit for unit, titles in PARTS.items() if last & {*titles.split()}), "")
         if unit and one.values and all((x >= 0).all() for x in one.values):
             found.setdefault(unit, ClockPart(one, unit))
     parts = [found[unit] for unit in PARTS if unit in found]

@@ -163,7 +163,7 @@ class TitledColumn:
         changes = sum(int(np.count_nonzero(np.diff(x))) for x in series)
         kinds = sum(len(np.unique(x)) for x in series)
         pooled = np.unique(np.concatenate(series)) if series else np.empty(0)
-        counts = len(pooled) > 1 and pooled[0] in (0, 1) and bool((np.diff(pooled) == 1).all())
+        counts = pooled.size > 0 and pooled[0] in (0, 1) and bool((np.diff(pooled) == 1).all())
         is_named = bool(self.quantity or self.unit)
         is_apart = counts and not is_named and kinds == changes + len(series) > len(series)
         return kinds if is_apart and sum(map(len, series)) >= FEWEST_ROWS * kinds else 0

@@ -101,12 +101,12 @@ def find_held(
             return None
     of = asked or next(iter(levels))
     swept = next((name for name in inputs if name not in (of, *levels)), None)
-    at, within = levels.get(of, []), None
-    if not at:
+    at = levels.get(of)
+    if at is None:
         at = find_levels(np.concatenate([one.columns[of] for one in recordings])).tolist()
-        within = two_digits(NEAR * 2 * default_within(np.array(at))) if len(at) > 1 else None
     if swept is None or len(at) < 2:
         return None
+    within = None if of in levels else two_digits(NEAR * 2 * default_within(np.array(at)))
     is_one = is_table and len(recordings) == 1
     stays = "takes few values" if is_one else "one value in each recording"
     why = "you" if asked else "names" if of in conditions else stays

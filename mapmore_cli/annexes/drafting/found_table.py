@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise, takewhile
@@ -60,7 +60,7 @@ class FoundTable:
             return None
         across = self.rows[top][1:]
         down = [row[0] for row in self.rows[top + 1 :] if len(row) == self.wide]
-        steps = [_steps_of(cells, self.top.is_number) for cells in (across, down)]
+        steps = [_steps_of(cells) for cells in (across, down)]
         is_ordered = all(len(one) > 1 and (min(one) > 0 or max(one) < 0) for one in steps)
         return top if is_ordered and {*steps[0]} != {1.0} else None
 
@@ -88,7 +88,7 @@ class FoundTable:
         lines = self.header_lines()
         titled = self.line_of_titles(lines)
         titles = [] if titled is None else lines[titled]
-        others = [lines[line] for line in sorted(lines) if line != titled]
+        others = [cells for line, cells in lines.items() if line != titled]
         units = next(filter(self.holds_units, others), [])
         width = 1 + max([*self.numeric, *(place for place, title in enumerate(titles) if title)])
         titles = _padded(titles, width)
@@ -139,9 +139,9 @@ class FoundTable:
         return are_units([cell for cell, below in zip(line, self.columns, strict=False) if below])
 
     def header_lines(self) -> dict[int, list[str]]:
-        """Return the lines above the numbers that may be titles or units, by their index. Such a
-        line has a cell above the last column with values, and no filled cell beyond the last column
-        of the table.
+        """Return the lines above the numbers that may be titles or units, by their index, from top
+        to bottom. Such a line has a cell above the last column with values, and no filled cell
+        beyond the last column of the table.
 
         Lines are examined from the numbers upwards until one does not fit:
 
@@ -171,7 +171,7 @@ class FoundTable:
                 lines[place] = cells
             elif not filled or not str(filled[0]).strip().startswith(REMARKS):
                 break
-        return lines
+        return dict(sorted(lines.items()))
 
     def line_of_titles(self, lines: Mapping[int, list[str]]) -> int | None:
         """Return the index of the line that holds the titles of the columns. Return None if no line
@@ -193,7 +193,7 @@ class FoundTable:
         names = {
             line: nonempty([cells[at] for at in self.numeric]) for line, cells in lines.items()
         }
-        naming = [line for line in sorted(lines) if 2 * len(names[line]) >= len(self.numeric)]
+        naming = [line for line, some in names.items() if 2 * len(some) >= len(self.numeric)]
         titles = [line for line in naming if len(lines) == 1 or not are_units(lines[line])]
         return max(titles or naming[:1], key=rank, default=None)
 
@@ -208,9 +208,10 @@ def table_in(top: Top) -> FoundTable | None:
     """
     rows = top.rows[:-1] if len(top.rows) > 1 else top.rows
     widths = Counter(len(row) for row in rows[len(rows) // 2 :] if nonempty(row))
-    wide = widths.most_common(1)[0][0] if widths else 0
-    end = max((i for i, row in enumerate(rows) if len(row) == wide and nonempty(row)), default=-1)
-    rows = rows[: end + 1]
+    if not widths:
+        return None
+    wide = widths.most_common(1)[0][0]
+    rows = rows[: 1 + max(i for i, row in enumerate(rows) if len(row) == wide and nonempty(row))]
     lower = filled_by_column(rows[len(rows) // 2 :], wide)
     numeric = tuple(
         place
@@ -278,7 +279,7 @@ def _told_apart(
     """
     whole = list[str]()
     for place, title in enumerate(titles):
-        words = (lines[at][place : place + 1] for at in sorted(lines) if title or at > titled)
+        words = (cells[place : place + 1] for at, cells in lines.items() if title or at > titled)
         parts = dict.fromkeys(part for cells in words for part in cells if part)
         whole.append(title if counts[title] == 1 else " ".join(parts))
     return whole
@@ -289,12 +290,10 @@ def _padded(cells: Sequence[str], width: int) -> list[str]:
     return [*cells, *[""] * width][:width]
 
 
-def _steps_of(cells: Sequence[Any], is_number: Callable[[Any], bool]) -> list[float]:
+def _steps_of(cells: Sequence[Any]) -> list[float]:
     """Return the differences between consecutive numbers in cells; an empty list if a cell holds no
     number.
     """
-    if not all(map(is_number, cells)):
-        return []
     with suppress(ValueError):
         numbers = [float(str(cell).replace(",", ".")) for cell in cells]
         return [after - before for before, after in pairwise(numbers)]

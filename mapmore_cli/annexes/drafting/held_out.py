@@ -100,12 +100,11 @@ def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
     if len(done.apart) == 1:
         name = done.apart[0]
         values = sorted({float(one.columns[name][0]) for one in done.recordings})
-        held_out: Section = {name: values[1:-1:3] or values[1:]}
-    else:
-        held = logs[1:-1:3] or logs[1:]
-        ids = [one.id for one in done.recordings if (one.log or one.id) in held]
-        held_out = {WHOLE: ids}
-    return held_out if all(held_out.values()) else {}
+        held = values[1:-1:3] or values[1:]
+        return {name: held} if held else {}
+    held_logs = logs[1:-1:3] or logs[1:]
+    ids = [one.id for one in done.recordings if (one.log or one.id) in held_logs]
+    return {WHOLE: ids} if ids else {}
 
 
 def _beyond(done: Experiment) -> list[str]:

@@ -70,7 +70,7 @@ class NameNumber(NamedTuple):
         if self.is_set and label is not None:
             return label.quantity
         word = re.sub(r"\W", "", self.word, flags=re.ASCII)
-        return word if len(word) > 1 and not _REPEATS.fullmatch(word) else by_unit
+        return word if word and not _REPEATS.fullmatch(word) else by_unit
 
     @property
     def shown(self) -> str:

@@ -75,7 +75,7 @@ class Understood:
 
 
 def understood(
-    study: FolderStudy, table: Table, answers: Answers, path: str, is_driven: bool = False
+    study: FolderStudy, table: Table, answers: Answers, path: str, is_driven: bool
 ) -> Understood:
     """Find out which quantities of a study are targets, inputs and levels. Use the titles of
     columns, the names of files and the answers of a person. `is_driven` is True if a second log
@@ -203,7 +203,6 @@ def _measured(condition: NamedCondition, columns: Mapping[str, TitledColumn]) ->
         if (
             is_other
             or len(column.values) != len(numbers)
-            or not all(map(len, column.values))
             or len(np.unique(numbers)) < FEWEST_SET_POINTS
         ):
             continue

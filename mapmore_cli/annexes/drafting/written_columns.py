@@ -66,7 +66,7 @@ def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Dr
         entry = columns.get(measured, {})
         pooled = np.concatenate(draft.raw[entry["column"]] if entry else [conditions[measured]])
         pooled = pooled * entry.get("scale", 1.0) + entry.get("offset", 0.0)
-        turned = "-" if abs(pooled.min()) > abs(pooled.max()) else ""
+        turned = "-" if -pooled.min() > pooled.max() else ""
     rules = {
         "length": f"({length:g} - length)/{length:g}",
         "displacement": f"{turned}displacement/{length:g}",
