@@ -41,3 +41,16 @@ def test_a_block_that_is_left_out_has_the_error_of_its_rows(seed):
         assert found == pytest.approx(error(known, 0.05))
     sums = [error(rows, ridge) + error(~rows, ridge) for ridge in RIDGES]
     assert choose_ridge(total, parts, 4, 2) == RIDGES[int(np.argmin(sums))]
+
+
+@pytest.mark.parametrize(("samples", "known"), [(2, False), (3, True)])
+def test_standard_errors_need_more_samples_than_terms(samples, known):
+    found = select(Regularised(np.eye(3) + 0.5, samples, 1e-3), 2)
+    assert np.isfinite(found.theta_error).tolist() == [known, known]
+
+
+def test_ridges_are_tried_from_small_to_large_in_steps_of_at_most_ten():
+    """Of equally good ridges the first is chosen, which is then the smallest."""
+    steps = np.divide(RIDGES[1:], RIDGES[:-1])
+    assert steps.min() > 1
+    assert steps.max() < 10.1

@@ -113,6 +113,10 @@ def test_the_tolerance_waits_for_the_last_output():
     assert {*second.chosen} >= {1, 2, 3, 4}
     assert second.sse < 1e-6 * second.yy
     assert first.stop == second.stop == "tolerance"
+    Y, spread = np.column_stack([easy, hard]), np.sum((hard - hard.mean()) ** 2)
+    left = together(P, Y, 2)[1].sse / spread
+    for tolerance, count in ((1.01 * left, 2), (0.99 * left, 3)):
+        assert len(together(P, Y, None, tolerance)[1].chosen) == count
 
 
 @pytest.mark.parametrize("loss", ["squares", "huber"])

@@ -156,6 +156,14 @@ def test_the_numbers_that_training_tries_have_limits_and_beginnings_within_them(
                 assert low <= number <= high
 
 
+@pytest.mark.parametrize("name", SEARCHES)
+def test_a_search_begins_at_numbers_that_are_neither_alike_nor_far_apart(name):
+    for tried in map(np.unique, np.transpose(OPERATORS[name].starts(0.01, 40.0))):
+        for sizes in (tried[tried > 0], -tried[tried < 0][::-1]):
+            ratios = sizes[1:] / sizes[:-1]
+            assert ((ratios > 1.7) & (ratios < 12)).all()
+
+
 def sample_by_sample(operator, setting, x):
     """The recursion from rest, its arguments put together here."""
     rule = operator.recursion(setting)
