@@ -15,6 +15,7 @@ from surfaces import QUANTITIES, at, built, changed, curves, force, joined, reci
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.pieces import backbone_choice
 from mapmore_cli.modelling.pieces.backbone_choice import (
     FEW,
     choose_backbone,
@@ -25,6 +26,8 @@ from mapmore_cli.modelling.pieces.backbone_choice import (
 from mapmore_cli.modelling.pieces.cross_validation import (
     LeftOutErrors,
     _of_fewer_samples,
+    blocks_in,
+    in_curve,
     inner_folds,
     leave_out,
     repeats_left_out,
@@ -78,7 +81,7 @@ def test_the_share_does_not_depend_on_the_unit(unit):
     left_out = LeftOutErrors(*(unit * x for x in (measured, backbone, residual)), 2)
     assert left_out.share == pytest.approx(0.6)
     assert left_out.rmse(0.6) < min(left_out.rmse(0.55), left_out.rmse(0.65))
-    for size, share in ((-1.0, 0), (0.1, 1)):
+    for size, share in ((-1.0, 0), (0.0, 0), (0.1, 1)):
         assert replace(left_out, residual=unit * size * residual).share == share
 
 
@@ -213,6 +216,20 @@ def test_what_made_the_data_is_chosen(name):
     assert "With each of 2 inner training levels left out" in choice.note
 
 
+@pytest.mark.parametrize(("error", "chosen"), [(0.9, None), (1.1, "sarosi")])
+def test_a_model_without_a_backbone_is_compared_with_all_of_its_pieces(error, chosen, monkeypatch):
+    """Its left-out samples are missed by `error`, and those of formulas by one."""
+    measured, nothing = np.arange(9.0), np.zeros(9)
+
+    def errors(_curves, _recipe, _quantities, name, folds):
+        parts = (nothing, measured + error) if name is None else (measured + 1, nothing)
+        return LeftOutErrors(measured, *parts, len(folds))
+
+    monkeypatch.setattr(backbone_choice, "leave_out", errors)
+    monkeypatch.setattr(backbone_choice, "possible_backbones", lambda *_: (None, "sarosi"))
+    assert choose_backbone(curves(held_out=()), recipe(), QUANTITIES).name == chosen
+
+
 def test_three_levels_choose_nothing():
     choice = choose_backbone(curves(levels=LEVELS[:3], held_out=()), recipe(), QUANTITIES)
     assert choice.name == FEW
@@ -242,6 +259,11 @@ def test_the_simplest_within_the_margin_is_taken(errors):
     sizes = {name: len(literature.get(name).parameters) if name else 0 for name in errors}
     assert errors[chosen] <= near
     assert all(errors[name] > near for name in errors if sizes[name] < sizes[chosen])
+
+
+def test_the_margin_is_two_per_cent():
+    assert simplest_backbone({None: 1.02, "sarosi": 1.0}) is None
+    assert simplest_backbone({None: 1.0201, "sarosi": 1.0}) == "sarosi"
 
 
 def test_the_choice_is_made_on_an_even_share_in_the_order_of_the_curve():
@@ -282,7 +304,7 @@ def test_folds_are_the_inner_blocks_along_every_input():
     samples = scattered()
     made = recipe(**OF_SURFACE)
     inner = inner_folds(samples, made)
-    assert len(inner) == 6
+    assert [fold[0].sum() for fold in inner] == [12] * 6  # of 60 samples in five blocks
     for name, folds in (("pressure", inner[:3]), ("strain", inner[3:])):
         x = samples[0].columns[name]
         ends = sorted((x[out].min(), x[out].max()) for (out,) in folds)
@@ -290,6 +312,16 @@ def test_folds_are_the_inner_blocks_along_every_input():
         assert ends[-1][1] < x.max()
         assert all(before[1] < after[0] for before, after in pairwise(ends))
     assert all(out.any() for fold in inner for out in fold)
+
+
+def test_blocks_of_curves_lie_along_the_first_segmented_or_other_quantity():
+    made = curves(held_out=(250.0,))
+    assert [sum(out.sum() for out in fold) for fold in blocks_in(made, recipe())] == [72] * 5
+    (few,) = (one.at(np.arange(3)) for one in made[:1])
+    assert len(blocks_in([few], recipe())) == 3
+    sample = curve_of({"z": np.ones(2), "level": np.ones(2), "b": np.ones(2), "a": np.ones(2)})
+    assert in_curve([sample], (), "a", "level") == "b"
+    assert in_curve([sample], ("direction", "z"), "a", "level") == "z"
 
 
 def test_curves_with_levels_are_left_out_whole_where_they_are_pooled():

@@ -15,10 +15,11 @@ from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
 from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
 from mapmore_cli.modelling.frols.weighing import Choice
+from mapmore_cli.modelling.pieces import segment_fit
 from mapmore_cli.modelling.pieces.build import segment
 from mapmore_cli.modelling.pieces.placement import end_of_trend
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.modelling.pieces.segment_fit import fit_together
+from mapmore_cli.modelling.pieces.segment_fit import fit_together, quantities_in
 from mapmore_cli.modelling.pieces.segmentation import scaled_inputs
 
 seeds = st.integers(0, 2**32 - 1)
@@ -77,6 +78,12 @@ def test_weights_that_only_rounding_tells_apart_are_alike():
     for unit in (1e-6, 1.0, 1e6):
         weights = unit * (1 + 4e-13 * (np.arange(100) % 2))
         assert end_of_trend(away, y, weights) == pytest.approx(y[:5].mean())
+    unlike = 1 + 4e-12 * (np.arange(100) % 2)
+    assert abs(end_of_trend(away, y, unlike) - y[:5].mean()) > 1e-3
+
+
+def test_quantities_are_in_alphabetical_order():
+    assert quantities_in([parse("h*g*f + e*d"), parse("c*b*a")]) == tuple("abcdefgh")
 
 
 POWERS = products(["strain"], 4)
@@ -173,6 +180,59 @@ def test_five_outliers_move_a_segment_by_less_than_the_noise(seed):
     )
     inner = slice(*np.searchsorted(PLACES, (x[~out][0], x[~out][-1])))
     assert np.abs(whole - without)[inner].max() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("n", "most", "counts", "columns"),
+    [
+        (7, 2, {3}, 3),
+        (9, 1, {2, 3}, 2),
+        (10, 1, {2, 3}, 6),
+        (200, 1, {2, 6}, 6),
+        (201, 1, {2, 6}, 0),
+    ],
+)
+def test_outliers_are_sought_by_fits_of_few_and_of_many_terms(
+    n, most, counts, columns, monkeypatch
+):
+    """With the constant, there are six candidates. In a short segment, each sample is compared with
+    a fit of all of them to the other samples, or of the chosen ones if there are too few samples.
+    """
+    tried, sizes = set(), set()
+    chosen, sought = segment_fit._chosen_terms, segment_fit.gross_outlier
+
+    def choose(terms, scalings, outputs, made):
+        if len(terms) == 6:
+            tried.add(made.fit.max_terms)
+        return chosen(terms, scalings, outputs, made)
+
+    def seek(P, y):
+        sizes.add(P.shape[1])
+        return sought(P, y)
+
+    monkeypatch.setattr(segment_fit, "_chosen_terms", choose)
+    monkeypatch.setattr(segment_fit, "gross_outlier", seek)
+    x = np.linspace(0, 0.25, n)
+    y = 300 * (1 - 3 * x) + np.random.default_rng(n).normal(0, 0.3, n)
+    fitted(x, y, loss="huber", max_terms=most, scaling="none", tolerance=0.0)
+    assert tried == counts
+    assert min(sizes, default=0) == columns
+
+
+@pytest.mark.parametrize(("height", "hidden"), [(0.1, True), (300, False), (-300, False)])
+def test_only_an_outlier_with_a_small_residual_is_weighed_by_a_fit_without_it(
+    height, hidden, monkeypatch
+):
+    seen = []
+    deleted = np.full(40, 0.5)
+    monkeypatch.setattr(segment_fit, "gross_outlier", lambda _P, _y: (deleted, 20))
+    monkeypatch.setattr(
+        segment_fit, "loss_weights", lambda _loss, left: seen.append(left) or np.ones(40)
+    )
+    x, noise = np.linspace(0, 0.25, 40), np.random.default_rng(1).normal(0, 0.3, 40)
+    y = 300 * (1 - 3 * x) + noise + height * (np.arange(40) == 20)
+    fitted(x, y, loss="huber", scaling="none")
+    assert {left is deleted for left in seen} == {hidden}
 
 
 LONG = pytest.mark.long

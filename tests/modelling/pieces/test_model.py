@@ -98,6 +98,17 @@ def test_several_terms_saturate_by_default_and_one_term_continues():
     assert any("pressure=80" in note and "very large" in note for note in asked.notes)
 
 
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_sample_at_the_limit_of_a_curve_is_not_outside(end):
+    model = built(max_terms=3)
+    curve = model.body.curves[1]
+    edge = at(curve.level, curve.limits["strain"][end])
+    outside = at(curve.level, curve.limits["strain"][end] + (1e-9 if end else -1e-9))
+    cut = joined(model, extrapolation=dict.fromkeys(("pressure", "strain"), ("zero", "zero")))
+    assert predict(cut, edge) == predict(model, edge) != 0
+    assert predict(cut, outside) == 0
+
+
 def words_of(model):
     return [one.partition(",")[0] if "multiplied" in one else one for one in rules(model)]
 

@@ -23,6 +23,7 @@ from mapmore_cli.modelling.inverse import UNIQUE, invert
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.shaped import _with_coefficients
 from mapmore_cli.modelling.selection import Fit
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import region_of
@@ -289,6 +290,16 @@ def test_signs_and_bounds_hold_for_coefficients_in_the_unit_of_the_target():
     assert built(bounds={"1": (-1e9, 1e9)}, **terms).body.segments[0].theta == pytest.approx(
         plain.body.segments[0].theta, rel=1e-12
     )
+
+
+@pytest.mark.parametrize(("change", "known"), [(5e-10, True), (5e-9, False)])
+def test_a_coefficient_that_changes_loses_its_standard_error(change, known):
+    body = built(max_terms=1).body
+    theta = np.concatenate([segment.theta for segment in body.segments])
+    theta[0] *= 1 + change
+    errors = [one.theta_error for one in _with_coefficients(body, theta).segments]
+    assert np.isfinite(errors[0]).all() == known
+    assert np.isfinite(errors[1:]).all()
 
 
 def refused(samples, shape, **settings):
