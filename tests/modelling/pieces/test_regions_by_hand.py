@@ -25,7 +25,7 @@ from mapmore_cli.modelling.shape.stencils import (
     stencil_weights,
     stencils_on,
 )
-from mapmore_cli.modelling.shape.support import _axes
+from mapmore_cli.modelling.shape.support import _axes, _confirmed, _near, _noise
 
 
 def region_of(columns, fit=None, ranges=None, level=None):
@@ -257,5 +257,45 @@ def test_a_grid_has_about_4096_nodes_but_not_too_few_or_many_along_one_input(cou
     assert [len(axes[name]) for name in ("g", *names[:-1])] == [1, *(count * [most])]
     assert axes["a"][[0, -1]].tolist() == [places[:, 0].min(), places[:, 0].max()]
     assert np.ptp(np.diff(axes["a"])) < 1e-12
+    exact = SimpleNamespace(names=names[:-1], places=places[:most, :-1], fixed={})
+    assert _axes(exact, None)["a"].tolist() == sorted(places[:most, 0])
     with_few = SimpleNamespace(names=names, places=places, fixed={})
     assert _axes(with_few, None)["few"].tolist() == [*range(7)]
+
+
+@pytest.mark.parametrize("word", PAIRS)
+@pytest.mark.parametrize(("errors", "confirmed"), [(-5, False), (2.9, False), (3.1, True)])
+def test_a_slope_of_more_than_three_standard_errors_confirms_a_contradiction(
+    word, errors, confirmed
+):
+    """The residuals are normal to the line, which has twelve degrees of freedom."""
+    x = np.linspace(-1, 1, 14)
+    line = np.column_stack([np.ones(14), x])
+    left = np.random.default_rng(0).normal(size=14)
+    left -= line @ np.linalg.lstsq(line, left)[0]
+    error = np.sqrt(left @ left / 12 / (x @ x))
+    wrong = -1 if word == "increasing" else 1
+    cells = SimpleNamespace(
+        names=("x",), places=x[:, None], values=wrong * errors * error * x + left
+    )
+    assert _confirmed(cells, ShapeWord("x", word), np.arange(14)) == confirmed
+    two = SimpleNamespace(names=("x",), places=x[:2, None], values=wrong * x[:2])
+    assert _confirmed(two, ShapeWord("x", word), np.arange(2))  # no freedom, hence no error
+
+
+@pytest.mark.parametrize(("cells", "inputs", "near"), [(30, 1, 12), (30, 5, 13), (4, 1, 4)])
+def test_the_cells_near_a_cell_are_twelve_or_more_than_twice_the_inputs(cells, inputs, near):
+    places = np.random.default_rng(0).random((cells, inputs))
+    found = _near(SimpleNamespace(places=places))
+    assert found.shape == (cells, near)
+    assert found[:, 0].tolist() == [*range(cells)]
+
+
+@pytest.mark.parametrize(("cells", "known"), [(3, False), (4, True)])
+def test_noise_is_known_from_three_cells_around_a_cell(cells, known):
+    few = SimpleNamespace(
+        places=np.arange(cells)[:, None] * 1.0,
+        values=np.arange(cells) % 2 * 1.0,
+        counts=np.ones(cells),
+    )
+    assert (_noise(few, _near(few)) > 0).tolist() == [known] * cells

@@ -25,6 +25,8 @@ from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.recipe import Cuts
 from mapmore_cli.modelling.pieces.shaped import _with_coefficients
 from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.shape import support
+from mapmore_cli.modelling.shape import violations as of_shapes
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import region_of
 from mapmore_cli.modelling.shape.stencils import POINTS, ShapeWord
@@ -183,7 +185,7 @@ def test_high_orders_are_as_good_as_a_dense_quadratic_program(order, word):
     assert np.sum((predict(model, {"strain": x}) - y) ** 2) < 1.001 * least
 
 
-def test_a_wave_violates_its_shape_by_all_its_rises():
+def test_a_wave_violates_its_shape_by_all_its_rises(monkeypatch):
     """Chebyshev's polynomial of order 4 rises twice by 2, which is its range."""
     x = np.linspace(0, 1, 300)
     columns = {"strain": x, "force": chebval(2 * x - 1, [0, 0, 0, 0, 1])}
@@ -193,8 +195,14 @@ def test_a_wave_violates_its_shape_by_all_its_rises():
         (wave,), dictionary=terms, level=None, cuts={}, max_terms=5, tolerance=0.0, scaling="none"
     )
     region = region_of(model, [wave], Fit(shape={}, slack=0.0))
-    (found,) = violations(model, [ShapeWord("strain", "decreasing")], region)
+    asked = [ShapeWord("strain", "decreasing")]
+    (found,) = violations(model, asked, region)
     assert (found.amount, found.share) == pytest.approx((4, 2), rel=1e-3)
+    for rise in (0.5e-9, 3e-9):  # of the range; less than 1e-9 is rounding
+        step = lambda _, at, rise=rise: rise * np.ptp(columns["force"]) * (at["strain"] > 0.5)  # noqa: E731
+        monkeypatch.setattr(of_shapes, "settled", step)
+        (found,) = violations(model, asked, region)
+        assert found.share == pytest.approx(rise * (rise > 1e-9))
 
 
 def noisy(true, n, seed, noise=0.05):
@@ -322,6 +330,25 @@ def test_a_sign_that_the_training_data_contradict_or_hardly_tell_is_refused():
     told = refused(few, {"pressure": "increasing"}, cuts={})
     assert re.search("`pressure: increasing` was examined at [0-9] differences", told)
     assert "`length` is not an input" in refused(samples, {"length": "increasing"})
+
+
+@pytest.mark.parametrize(("rises", "examined"), [(1, False), (2, True)])
+def test_one_in_twenty_differences_may_have_the_wrong_sign(rises, examined, monkeypatch):
+    seen = []
+    monkeypatch.setattr(support, "_contradiction", lambda *how: seen.append(how))
+    x = np.linspace(0, 1, 22)
+    y = -x + 0.06 * np.isin(np.arange(22), [5, 12][:rises])
+    refuse_unsupported([curve_of({"strain": x, "force": y})], "force", ["strain"], None, FALLING)
+    assert bool(seen) == examined
+
+
+def test_noise_alone_is_rarely_mistaken_for_a_contradiction(monkeypatch):
+    """Without a confirmation, once in a hundred times; at a level of ten per cent, the last of
+    these recordings would be refused.
+    """
+    monkeypatch.setattr(support, "_confirmed", lambda *_: True)
+    for seed in (0, 1, 2, 3, 31):
+        refuse_unsupported(noisy(lambda x: 0 * x, 100, seed), "force", ["strain"], None, FALLING)
 
 
 @pytest.mark.parametrize(("n", "enough"), [(11, False), (12, True)])
