@@ -298,7 +298,7 @@ def test_rounded_text_still_parses(text, digits):
 def test_zero_has_neither_a_sign_nor_brackets():
     zero = Number(0.0)
     assert to_mathml(zero) == ("<mrow><mn>0</mn></mrow>",)
-    assert (to_text(Power(zero, 2)), to_latex(Power(zero, 2))) == ("0^2", "0^{2}")
+    assert (to_text(Power(zero, 2.0)), to_latex(Power(zero, 2.0))) == ("0^2", "0^{2}")
 
 
 def test_digits_round_numbers_but_not_whole_exponents():
