@@ -3,6 +3,8 @@
 Billings 2013, section 3.4: the error reduction ratios of a candidate are added over the outputs.
 """
 
+import re
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -84,6 +86,13 @@ def test_an_output_and_its_double_have_as_many_terms_as_it_has_alone(stop, seed)
 
 def test_a_spec_offers_rules_that_there_are():
     assert {*get_args(Stop)} <= {*CRITERIA, "free_run"}
+
+
+@pytest.mark.parametrize("key", ["margin", "max_terms", "tolerance", "slack"])
+def test_defaults_are_those_on_the_page_of_keys(key):
+    page = (Path(__file__).parents[3] / "docs" / "spec.md").read_text(encoding="utf-8")
+    given = re.findall(rf"^\| `{key}` \|[^|]*\| `(.*?)` \|", page, re.MULTILINE)
+    assert [float(text) for text in given] == [getattr(Fit(), key)]
 
 
 def test_a_ridge_prunes_three_times_as_many_terms_as_it_keeps_unless_a_number_is_given():
