@@ -124,7 +124,9 @@ def test_rules_say_what_is_joined_and_what_lies_outside():
     )
     several = built(max_terms=3)
     assert words_of(several) == [weights, between, level, f"strain: {held}."]
-    one, *_ = several.body.curves
+    one, other, *_ = several.body.curves
+    ends = replace(other, boundaries=(other.boundaries[0][[0, -1]],))
+    assert words_of(replace(several, body=replace(several.body, curves=(ends, one))))[0] == weights
     assert words_of(replace(several, body=replace(several.body, curves=(one,)))) == [
         weights, level, f"strain: {held}."
     ]  # fmt: skip
