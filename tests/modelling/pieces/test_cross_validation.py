@@ -216,22 +216,9 @@ def test_what_made_the_data_is_chosen(name):
     assert "With each of 2 inner training levels left out" in choice.note
 
 
-@pytest.mark.parametrize(("error", "chosen"), [(0.9, None), (1.1, "sarosi")])
-def test_a_model_without_a_backbone_is_compared_with_all_of_its_pieces(error, chosen, monkeypatch):
-    """Its left-out samples are missed by `error`, and those of formulas by one."""
-    measured, nothing = np.arange(9.0), np.zeros(9)
-
-    def errors(_curves, _recipe, _quantities, name, folds):
-        parts = (nothing, measured + error) if name is None else (measured + 1, nothing)
-        return LeftOutErrors(measured, *parts, len(folds))
-
-    monkeypatch.setattr(backbone_choice, "leave_out", errors)
-    monkeypatch.setattr(backbone_choice, "possible_backbones", lambda *_: (None, "sarosi"))
-    assert choose_backbone(curves(held_out=()), recipe(), QUANTITIES).name == chosen
-
-
-def test_three_levels_choose_nothing():
-    choice = choose_backbone(curves(levels=LEVELS[:3], held_out=()), recipe(), QUANTITIES)
+@pytest.mark.parametrize("count", [2, 3])
+def test_three_levels_choose_nothing(count):
+    choice = choose_backbone(curves(levels=LEVELS[:count], held_out=()), recipe(), QUANTITIES)
     assert choice.name == FEW
     assert "too few to choose" in choice.note
 
@@ -350,7 +337,26 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
     assert bool(kept.body.segments) == (share > 0)
 
 
-def test_a_backbone_is_chosen_for_a_surface_by_its_blocks():
-    choice = choose_backbone(scattered(n=48, seed=2), recipe(**OF_SURFACE), QUANTITIES)
-    assert choice.name in possible_backbones(scattered(), "force")
-    assert "With each of 6 inner training blocks left out in turn" in choice.note
+@pytest.mark.parametrize(("error", "chosen"), [(0.9, None), (1.1, "sarosi")])
+@pytest.mark.parametrize(
+    ("samples", "settings", "parts"),
+    [
+        (curves(held_out=()), {}, "2 inner training levels"),
+        (scattered(), OF_SURFACE, "6 inner training blocks"),
+    ],
+)
+def test_a_model_without_a_backbone_is_compared_with_all_of_its_pieces(
+    samples, settings, parts, error, chosen, monkeypatch
+):
+    """Its left-out samples are missed by `error`, and those of formulas by one."""
+    measured, nothing = np.arange(9.0), np.zeros(9)
+
+    def errors(_curves, _recipe, _quantities, name, folds):
+        both = (nothing, measured + error) if name is None else (measured + 1, nothing)
+        return LeftOutErrors(measured, *both, len(folds))
+
+    monkeypatch.setattr(backbone_choice, "leave_out", errors)
+    monkeypatch.setattr(backbone_choice, "possible_backbones", lambda *_: (None, "sarosi"))
+    choice = choose_backbone(samples, recipe(**settings), QUANTITIES)
+    assert choice.name == chosen
+    assert f"With each of {parts} left out in turn" in choice.note

@@ -16,6 +16,7 @@ from scipy.spatial import ConvexHull
 from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.ranges import limits, outside_limits
 from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.shape.exchange import _grid_about, _widened
 from mapmore_cli.modelling.shape.region import region_within
 from mapmore_cli.modelling.shape.stencils import (
     POINTS,
@@ -299,3 +300,24 @@ def test_noise_is_known_from_three_cells_around_a_cell(cells, known):
         counts=np.ones(cells),
     )
     assert (_noise(few, _near(few)) > 0).tolist() == [known] * cells
+
+
+def test_a_region_is_widened_by_the_direct_neighbours_of_its_nodes():
+    axes = {"a": np.arange(6.0), "b": np.arange(7.0)}
+    at = nodes_of(axes)
+    found = _widened(axes, (at["a"] == 2) & (at["b"] == 3))
+    assert found.tolist() == ((abs(at["a"] - 2) <= 1) & (abs(at["b"] - 3) <= 1)).tolist()
+
+
+def test_a_finer_grid_reaches_from_the_middle_of_a_stencil_to_the_next_nodes():
+    """By nine nodes along each input, but not beyond the ends of the region."""
+    region = region_of(by_levels(), None, LEVELS, "pressure")
+    axes = {"pressure": np.linspace(100, 300, 5), "strain": np.linspace(0, 0.3, 4),
+            "load": np.linspace(1, 7, 3)}  # fmt: skip
+    coarse = stencils_on(axes, ShapeWord("pressure", "increasing"), np.ones(60, dtype=bool))
+    first = coarse.at(np.array([0]))
+    steps = {"pressure": 50.0, "strain": 0.1, "load": 3.0}
+    found = _grid_about(first, steps, region)
+    assert np.unique(found.columns["pressure"]) == pytest.approx([*np.linspace(100, 175, 7)])
+    assert np.unique(found.columns["strain"]) == pytest.approx([0, 0.025, 0.05, 0.075, 0.1])
+    assert found.asked == first.asked
