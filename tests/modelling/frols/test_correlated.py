@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from mapmore_cli.domain.fits import BY_CURVE, BY_RECORDING, LOWER_BOUND
-from mapmore_cli.modelling.frols import Weighing, correlated, frols
+from mapmore_cli.modelling.frols import Weighing, correlated, frols, weighing
 from mapmore_cli.modelling.frols.correlated import _Records, correlated_errors
 
 LENGTHS = (500, 300)
@@ -120,7 +120,7 @@ def test_standard_errors_are_those_of_the_covariance_of_the_noise(ridge, monkeyp
     assert worth == pytest.approx(80 * 2.3 / (long.sum() / 2000), rel=5e-3)
 
 
-def test_the_order_of_the_rows_does_not_matter_but_that_of_the_recording():
+def test_the_order_of_the_rows_does_not_matter_but_that_of_the_recording(monkeypatch):
     rng, P = np.random.default_rng(2), regressors((400,))
     y = P @ [1.0, 2.0, -1.0] + 0.1 * noise(rng, 0.95, (400,))
     mixed, time = rng.permutation(400), np.arange(400)
@@ -130,6 +130,10 @@ def test_the_order_of_the_rows_does_not_matter_but_that_of_the_recording():
     plain = frols(P, y)
     assert (told.theta_error > 2 * plain.theta_error).all()
     assert told.freedom < 30 < plain.freedom
+    for most, counted in ((3 * 400, True), (3 * 400 - 1, False)):
+        monkeypatch.setattr(weighing, "MOST", most)
+        found = frols(P, y, weighing=Weighing(recorded=time))
+        assert (found.freedom == told.freedom) == counted
     with_few = frols(P[:3], y[:3], weighing=Weighing(recorded=time[:3]))
     assert np.isnan(with_few.theta_error).all()
 

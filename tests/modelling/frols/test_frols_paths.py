@@ -267,12 +267,14 @@ def test_squares_that_do_not_add_up_show_that_digits_are_lost(missing, noticed):
         held._renew()
 
 
-@pytest.mark.parametrize(("small", "limit"), [(2**16, 1e-2), (0, 1e-6)])
+@pytest.mark.parametrize(("small", "limit"), [(9, 1e-2), (8, 1e-6)])
 @pytest.mark.parametrize("factor", [0.5, 5])
 def test_a_remainder_is_computed_from_the_columns_if_subtraction_loses_its_digits(
     small, limit, factor, monkeypatch
 ):
-    """`q'q` is `factor * limit` of `p'p`; the residual of the output is as small."""
+    """`q'q` is `factor * limit` of `p'p`, with another limit if there are more than `small`
+    values; the residual of the output has a square of `factor` per cent.
+    """
     monkeypatch.setattr(remainders, "SMALL", small)
     own, left = np.sqrt(factor * limit), np.sqrt(factor * 1e-2)
     most, lost = np.sqrt(1 - own**2), factor < 1
@@ -283,6 +285,17 @@ def test_a_remainder_is_computed_from_the_columns_if_subtraction_loses_its_digit
     assert held.sse_of_products == (held.sse if lost else held.yy)
     held.choose(1)
     assert held.explicit.tolist() == ([2] if lost else [])
+
+
+@pytest.mark.parametrize(("small", "rows"), [(12, 4), (11, 3)])
+def test_a_dictionary_that_is_not_small_is_replaced_by_its_triangular_factor(
+    small, rows, monkeypatch
+):
+    monkeypatch.setattr(engine, "SMALL", small)
+    P = np.arange(8.0).reshape(4, 2) ** 2
+    found, y = engine._fewer_rows(blocks_of_rows(P, P[:, 0] ** 2), 4, 3)
+    assert (len(found), len(y)) == (rows, rows)
+    np.testing.assert_allclose(found.T @ found, P.T @ P)
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_only_the_fit_that_is_kept_gets_standard_errors(loss, monkeypatch):
     assert len(counted) == 1
 
 
-@given(seeds, st.sampled_from([1.0, 0.05, 20.0]), st.integers(20, 150))
+@given(seeds, st.sampled_from([1.0, 0.05, 20.0]), st.integers(4, 150))
 def test_the_anchor_is_on_a_parabola_through_the_weight_of_the_nearest_samples(seed, near, n):
     """Six samples of the median weight, or 5 % of the samples and one, whatever they weigh."""
     rng = np.random.default_rng(seed)
@@ -66,7 +66,7 @@ def test_the_anchor_is_on_a_parabola_through_the_weight_of_the_nearest_samples(s
     nearest = int(np.ceil(0.05 * n))
     weights[:nearest] *= near
     wanted, rows = (max(3, nearest) + 1) * np.median(weights) * (1 - 1e-9), 1
-    while weights[:rows].sum() < wanted or rows < nearest:
+    while rows < n and (weights[:rows].sum() < wanted or rows < nearest):
         rows += 1
     slopes = np.polyfit(away[:rows], y[:rows], min(2, rows - 1), w=np.sqrt(weights[:rows]))
     expected = np.polyval(slopes, away[:nearest]).mean()
@@ -125,6 +125,25 @@ def test_a_segment_needs_more_samples_than_terms():
             continue
         with pytest.raises(DataError, match=r"3 training sample\(s\), too few for 3 term"):
             fit_together(own, {"strain": x, "force": y}, POWERS, [made])
+
+
+@pytest.mark.parametrize(
+    ("long", "most", "recorded"),
+    [(24, 0, [1, 2, 0]), (23, 3, [0, 1, 2]), (23, 2, None)],
+)
+def test_short_segments_are_sorted_and_the_order_of_long_ones_is_ignored(
+    long, most, recorded, monkeypatch
+):
+    """Three samples have 24 bytes."""
+    monkeypatch.setattr(segment_fit, "LONG", long)
+    monkeypatch.setattr(segment_fit, "MOST", most)
+    x = np.array([3.0, 1.0, 2.0])
+    own = Segment("all/all", "all", (), np.arange(3))
+    made = recipe(dictionary=("strain",))
+    found = segment_fit._samples_of(own, {"strain": x, "force": -x}, ("strain",), made, None)
+    assert found.y.tolist() == ([-1, -2, -3] if long == 24 else [-3, -1, -2])
+    order = found.weighing.recorded
+    assert (order if order is None else order.tolist()) == recorded
 
 
 TERMS = products(["pressure", "strain"], 5)

@@ -234,6 +234,15 @@ def test_what_contradicts_a_sign_beyond_its_noise_is_refused(true):
             refuse_unsupported(samples, "force", ["strain"], None, FALLING)
 
 
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_samples_without_noise_contradict_a_sign_in_any_unit(unit):
+    x = np.linspace(0, 1, 40)
+    with pytest.raises(FitError, match="contradict it, by"):
+        refuse_unsupported(
+            [curve_of({"strain": x, "force": unit * x})], "force", ["strain"], None, FALLING
+        )
+
+
 def scattered(true, inputs, n, noise, seed):
     rng = np.random.default_rng([seed, n, inputs])
     z = rng.uniform(0, 1, (inputs, n))
