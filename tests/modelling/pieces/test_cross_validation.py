@@ -4,6 +4,7 @@ levels, and of one surface.
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from surfaces import QUANTITIES, at, built, changed, curves, force, joined, recipe
 
+from mapmore_cli.domain.errors import FitError
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
-from mapmore_cli.modelling.pieces import backbone_choice
+from mapmore_cli.modelling.pieces import backbone_choice, cross_validation
 from mapmore_cli.modelling.pieces.backbone_choice import (
     FEW,
     choose_backbone,
@@ -360,3 +362,30 @@ def test_a_model_without_a_backbone_is_compared_with_all_of_its_pieces(
     choice = choose_backbone(samples, recipe(**settings), QUANTITIES)
     assert choice.name == chosen
     assert f"With each of {parts} left out in turn" in choice.note
+
+
+@pytest.mark.parametrize("error", [np.nan, None])
+def test_without_a_fit_that_succeeds_no_backbone_is_used(error, monkeypatch):
+    def failed(*_how):
+        if error is None:
+            raise FitError("the fit failed", "write another formula")
+        return LeftOutErrors(np.full(2, error), np.zeros(2), np.zeros(2), 2)
+
+    monkeypatch.setattr(backbone_choice, "leave_out", failed)
+    assert choose_backbone(curves(held_out=()), recipe(), QUANTITIES).name is None
+
+
+def test_a_backbone_that_cannot_be_fitted_without_a_fold_is_an_error(monkeypatch):
+    fit = SimpleNamespace(failed=True, name="sarosi")
+    monkeypatch.setattr(cross_validation, "fit_formula", lambda *_how: fit)
+    samples = curves(held_out=())
+    with pytest.raises(FitError, match="the fit of sarosi failed"):
+        leave_out(samples, recipe(), QUANTITIES, "sarosi", inner_folds(samples, recipe()))
+
+
+def test_a_residual_is_unchanged_if_nothing_can_be_left_out():
+    settings = OF_SURFACE | {"dictionary": ("1", "strain"), "max_terms": 1}
+    x = np.repeat([0.0, 0.1], 20)
+    samples = [curve_of({"pressure": 100 + x, "strain": x, "force": 300 - x})]
+    model = built(samples, fit_formula("polynomial_2", curves(), "force"), **settings)
+    assert with_trusted_residual(model, samples, recipe(**settings), QUANTITIES) is model

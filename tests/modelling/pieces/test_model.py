@@ -93,9 +93,6 @@ def test_several_terms_saturate_by_default_and_one_term_continues():
     assert built(max_terms=1).body.fusion.extrapolation["strain"] == ("continue", "continue")
     several = built(max_terms=3)
     assert several.body.fusion.extrapolation["strain"] == ("saturate", "saturate")
-    assert any("the output is kept constant" in note for note in several.notes)
-    asked = built(max_terms=3, extrapolation="continue")
-    assert any("pressure=80" in note and "very large" in note for note in asked.notes)
 
 
 @pytest.mark.parametrize("end", [0, -1])
