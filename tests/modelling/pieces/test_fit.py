@@ -73,6 +73,17 @@ def test_the_anchor_is_on_a_parabola_through_the_weight_of_the_nearest_samples(s
     assert end_of_trend(away[None], y, weights) == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.parametrize(("missing", "rows"), [(0.5e-9, 3), (5e-9, 4)])
+def test_a_parabola_needs_a_further_sample_unless_rounding_has_made_the_weight_too_small(
+    missing, rows
+):
+    """The wanted weight is that of four samples, of which the first three lack a fraction."""
+    away, y, weights = np.linspace(0, 1, 20), np.random.default_rng(0).normal(size=20), np.ones(20)
+    weights[:3] = 1.5, 1.5, 1 - 4 * missing
+    slopes = np.polyfit(away[:rows], y[:rows], 2, w=np.sqrt(weights[:rows]))
+    assert end_of_trend(away[None], y, weights) == pytest.approx(slopes[-1], abs=1e-6)
+
+
 def test_weights_that_only_rounding_tells_apart_are_alike():
     away, y = np.linspace(0, 1, 100)[None], np.random.default_rng(0).normal(0, 1, 100)
     for unit in (1e-6, 1.0, 1e6):
