@@ -70,7 +70,7 @@ def _unit(text: str, dataset: Dataset) -> str:
     expression.
     """
     source = parse(text)
-    names = sorted(source.names)
+    names = tuple(source.names)
     is_plain = len(names) == 1 and source in (Name(names[0]), parse(f"-{names[0]}"))
     return dataset.unit(names[0]) if is_plain else "1"
 

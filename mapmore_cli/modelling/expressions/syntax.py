@@ -211,7 +211,7 @@ def add(*terms: Expression) -> Expression:
         if part != ZERO
     ]
     numbers = {place: part.value for place, part in enumerate(flat) if isinstance(part, Number)}
-    if len(numbers) > 1 and math.isfinite(whole := sum(numbers.values())):
+    if numbers and math.isfinite(whole := sum(numbers.values())):
         first, *others = numbers
         flat[first] = Number(whole)
         flat = [part for place, part in enumerate(flat) if place not in others and part != ZERO]

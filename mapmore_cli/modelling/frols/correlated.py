@@ -179,7 +179,7 @@ def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
     from scipy.linalg.lapack import dtbtrs
 
     turned = np.empty_like(columns)
-    for rows in (rows for rows in _rows(lengths) if rows.stop > rows.start):
+    for rows in _rows(lengths):
         own = columns[rows]
         band = np.repeat([[1.0], [-kept]], len(own), axis=1)
         onward, _ = dtbtrs(band, own, uplo="L")

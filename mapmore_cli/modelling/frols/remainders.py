@@ -60,7 +60,11 @@ class Remainders:
         """
         g = np.full(len(self.products), np.nan)
         np.divide(self.products, self.squares, out=g, where=self.live)
-        return g, g * self.products / (self.yy or 1.0)
+        return g, self.relative(g * self.products)
+
+    def relative(self, squares: Array | float) -> Array:
+        """Return sums of squares divided by `y'y`; zeros if y is zero."""
+        return np.asarray(squares / self.yy if self.yy else 0 * squares)
 
     def choose(self, pick: int) -> Array:
         """Choose the candidate `pick`, and orthogonalise all other candidates against it.

@@ -240,7 +240,7 @@ def selected(
         steps,
         stop,
         lambda: press(divided(blocks, scale), *factor_of(steps, len(scale))),
-        np.array([step.sse for step in steps]) / (remainders.yy or 1.0),
+        remainders.relative(np.array([step.sse for step in steps])),
         (samples, len(scale) - 1),
     )
     return _selection_of_steps(steps, stop, remainders.yy, scale, samples)
@@ -279,7 +279,7 @@ def _selection_of_steps(
         samples=samples,
         stop=stop,
     )
-    return found if (scale == 1.0).all() else in_units(found, scale)
+    return in_units(found, scale)
 
 
 def in_units(found: Selection, scale: Array) -> Selection:

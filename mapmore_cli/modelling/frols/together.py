@@ -25,7 +25,7 @@ class Together(Remainders):
 
     def __init__(self, parts: Sequence[Remainders], wholes: Sequence[float]) -> None:
         self.parts, self.wholes, self.yy = parts, wholes, 1.0
-        self.unexplained: list[list[float]] = []
+        self.unexplained: list[list[Array]] = []
 
     def reductions(self) -> tuple[Array, Array]:
         """Return the error reduction ratio of each candidate, summed over all outputs. The base
@@ -40,9 +40,9 @@ class Together(Remainders):
         M+1).
         """
         rows = np.stack([part.choose(pick) for part in self.parts])
-        self.unexplained.append([part.sse / (part.yy or 1.0) for part in self.parts])
+        self.unexplained.append([part.relative(part.sse) for part in self.parts])
         left = zip(self.parts, self.wholes, strict=True)
-        self.sse = max(part.sse / (whole or 1.0) for part, whole in left)
+        self.sse = max((part.sse / whole for part, whole in left if whole), default=0.0)
         return rows
 
 
@@ -53,7 +53,7 @@ def chosen_together(
     reason why the selection ended. For each output, `blocks` holds the rows of candidates and
     output.
     """
-    steps, stop = greedy(joint, stopping, limit, lambda: 1.0)
+    steps, stop = greedy(joint, stopping, limit, lambda: joint.yy)
     width = len(joint.parts[0].pp) + 1
 
     def errors() -> Array:
@@ -63,7 +63,7 @@ def chosen_together(
         left = np.zeros(len(steps))
         for j, (own, part) in enumerate(zip(blocks, joint.parts, strict=True)):
             rows = [step._replace(row=step.row[j]) for step in steps]
-            left += press(own, *factor_of(rows, width)) / (part.yy or 1.0)
+            left += part.relative(press(own, *factor_of(rows, width)))
         return left
 
     unexplained = np.transpose(joint.unexplained)

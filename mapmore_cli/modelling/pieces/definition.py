@@ -206,7 +206,7 @@ def fused_value(
         zip(*(ends.tolist() for ends in zones(boundaries[0], fusion)), strict=True), start=1
     ):
         cases.append((x[0] <= start, partial(along, (*cell, i))))
-        if end > start:
+        if fusion.z_s:
             cases.append((x[0] < end, partial(in_zone, i, start, end)))
     return m.choose("joined", cases, partial(along, (*cell, len(boundaries[0]) - 1)))
 

@@ -87,7 +87,7 @@ class PiecesVerbs(Verbs):
         """
         body = model.body_of(Pieces)
         names = model.input_names
-        pieces = _ready(body, names) if any(curve.segments for curve in body.curves) else None
+        pieces = _ready(body, names) if body.segments else None
 
         def value(inputs: dict[str, Array], n: int) -> Array:
             base = backbone_values(body.backbone, inputs, n)

@@ -127,7 +127,7 @@ def end_of_trend(away: Array, y: Array, weights: Array) -> float:
     used = far <= far[min(enough, len(y) - 1)]
     used |= nearest
     B = np.vstack([np.ones(len(y)), away, away**2])
-    B[1:] /= np.abs(B[1:, used]).max(axis=1, initial=1e-300)[:, None]
+    B[1:] /= np.abs(B[1:, used]).max(axis=1, initial=np.finfo(float).tiny)[:, None]
     root = np.sqrt(total[used] / total[used].max())
     theta = np.linalg.lstsq((B[:, used] * root).T, y[used] * root, rcond=FLAT)[0]
     return float(np.mean(theta @ B[:, nearest]))

@@ -165,10 +165,8 @@ class _Samples:
         """Return all possible scalings of the samples. The weight of a sample follows from its
         uncertainty and from its `robust` weight.
         """
-        sigma = self.weighing.sigma
-        weights = robust
-        if sigma is not None:
-            weights = (1.0 if robust is None else robust) / sigma**2
+        divisor = self.weighing.by(robust)
+        weights = None if divisor is None else divisor**-2.0
         return placements(recipe.fit.scaling, self.inputs, self.y, variables, weights)
 
     def blocks(

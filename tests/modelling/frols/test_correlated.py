@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import block_diag, toeplitz
 from scipy.signal import lfilter
+from scipy.stats import chi2
 
 from mapmore_cli.domain.fits import BY_CURVE, BY_RECORDING, LOWER_BOUND
-from mapmore_cli.modelling.frols import Weighing, correlated, frols
+from mapmore_cli.modelling.frols import Weighing, correlated, frols, weighing
 from mapmore_cli.modelling.frols.correlated import _Records, correlated_errors
 
 LENGTHS = (500, 300)
@@ -55,15 +56,18 @@ def test_sums_over_lags_have_the_expected_values_of_whole_matrices():
     )
 
 
-def test_noise_is_matched_to_its_expected_sums():
-    records = records_of((400, 300))
-    sums = 0.3 * records.expected(0.0) + 2.0 * records.expected(0.8)
+@pytest.mark.parametrize(("lengths", "kept"), [((400, 300), 0.8), ((2000, 30), 0.998)])
+def test_noise_is_matched_to_its_expected_sums(lengths, kept):
+    """Also if a drift lasts for a quarter of the longest recording."""
+    records = records_of(lengths)
+    sums = 0.3 * records.expected(0.0) + 2.0 * records.expected(kept)
     size = np.sqrt(sums[0]) / np.linalg.norm(records.residual)
     known = replace(records, residual=size * records.residual)
     vars(known)["sums"] = sums
     found = correlated.matched(known)
     assert (found.white, found.drift) == pytest.approx((0.3, 2.0), rel=0.05)
-    assert found.kept == pytest.approx(0.8, rel=0.01)
+    assert found.kept == pytest.approx(kept, rel=0.01)
+    assert correlated.Noise(0.0).worth == 1
 
 
 def test_the_first_samples_of_a_long_record_show_the_noise_and_all_samples_its_size(monkeypatch):
@@ -77,6 +81,29 @@ def test_the_first_samples_of_a_long_record_show_the_noise_and_all_samples_its_s
     assert found.white + found.drift == pytest.approx(records.residual @ records.residual / 697)
     late = replace(records, residual=records.residual * (np.arange(700) >= 420))
     assert correlated.matched(late).drift > 0  # the first samples show no noise
+
+
+@pytest.mark.parametrize(
+    ("lengths", "factor", "found"),
+    [
+        ((400, 300), 0.98, False),
+        ((400, 300), 1.02, True),
+        ((20, 3), 3, True),  # a recording of 20 samples is enough
+        ((19, 4), 3, False),
+    ],
+)
+def test_a_drift_is_found_only_if_chance_explains_the_sums_once_in_a_hundred(
+    lengths, factor, found
+):
+    """The squared distance of the sums from those of white noise is a chi square."""
+    records = records_of(lengths)
+    white = records.residual @ records.residual / (sum(lengths) - 3)
+    limit, squares = chi2.isf(0.01, len(records.lags) - 1), records.pairs[1:]
+    sums = white * records.expected(0.0)
+    sums[1:] += factor * white * np.sqrt(limit * squares / len(squares))
+    known = replace(records)
+    vars(known)["sums"] = sums
+    assert (correlated.matched(known).drift > 0) == found
 
 
 @pytest.mark.parametrize("ridge", [None, np.array([1.0, 20.0, 300.0])])
@@ -93,7 +120,7 @@ def test_standard_errors_are_those_of_the_covariance_of_the_noise(ridge, monkeyp
     assert worth == pytest.approx(80 * 2.3 / (long.sum() / 2000), rel=5e-3)
 
 
-def test_the_order_of_the_rows_does_not_matter_but_that_of_the_recording():
+def test_the_order_of_the_rows_does_not_matter_but_that_of_the_recording(monkeypatch):
     rng, P = np.random.default_rng(2), regressors((400,))
     y = P @ [1.0, 2.0, -1.0] + 0.1 * noise(rng, 0.95, (400,))
     mixed, time = rng.permutation(400), np.arange(400)
@@ -103,6 +130,10 @@ def test_the_order_of_the_rows_does_not_matter_but_that_of_the_recording():
     plain = frols(P, y)
     assert (told.theta_error > 2 * plain.theta_error).all()
     assert told.freedom < 30 < plain.freedom
+    for most, counted in ((3 * 400, True), (3 * 400 - 1, False)):
+        monkeypatch.setattr(weighing, "MOST", most)
+        found = frols(P, y, weighing=Weighing(recorded=time))
+        assert (found.freedom == told.freedom) == counted
     with_few = frols(P[:3], y[:3], weighing=Weighing(recorded=time[:3]))
     assert np.isnan(with_few.theta_error).all()
 

@@ -7,6 +7,8 @@ import pytest
 from textbook import textbook
 
 from mapmore_cli.modelling.frols import frols
+from mapmore_cli.modelling.frols.moments import blocks_of_rows
+from mapmore_cli.modelling.frols.select import fewest_terms, press
 
 
 @pytest.mark.parametrize("seed", range(200))
@@ -80,11 +82,42 @@ def test_a_tie_goes_to_the_lower_index_even_when_rounding_favours_the_other():
     assert ours.runner_up.tolist() == [2]
 
 
+@pytest.mark.parametrize(
+    ("own", "left", "terms"),
+    [(2e-12, 1.0, 2), (0.7e-12, 1.0, 1), (1.0, 2.2e-14, 2), (1.0, 0.7e-14, 1)],
+)
+def test_rounding_errors_are_no_second_term(own, left, terms):
+    """A column of which 1e-12 is independent of the first, or a residual of 1e-14 of the output."""
+    P = np.array([[1.0, 1.0], [0.0, own], [0.0, 0.0]])
+    assert len(frols(P, np.array([1.0, left, 0.0])).chosen) == terms
+
+
+@pytest.mark.parametrize(("unexplained", "terms"), [((3e-30, 1.5e-30), 3), ((1e-30, 1e-32), 2)])
+def test_a_criterion_prefers_no_term_that_explains_rounding_errors_only(unexplained, terms):
+    assert fewest_terms("bic", np.array([1.0, *unexplained]), 1000, 9) == terms
+
+
+@pytest.mark.parametrize(("samples", "terms"), [(4, 2), (5, 3)])
+def test_aicc_needs_a_degree_of_freedom(samples, terms):
+    assert fewest_terms("aicc", np.array([1.0, 1e-3, 1e-20]), samples, 9) == terms
+
+
+@pytest.mark.parametrize(("rest", "known"), [(5e-8, True), (5e-9, False)])
+def test_a_sample_with_full_leverage_has_no_leave_one_out_error(rest, known):
+    """`1 - h` of the first of two samples is `rest`."""
+    unit = np.sqrt([1 - rest, rest])
+    found = press(blocks_of_rows(unit[:, None], np.ones(2)), [0], np.eye(1), np.ones(1))
+    residual = 1 - unit
+    expected = np.sum((residual / (1 - unit**2)) ** 2) if known else np.inf
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
 def test_nothing_to_explain():
     ours = frols(np.ones((5, 2)), np.zeros(5), max_terms=2)
     assert len(ours.chosen) == 0
     assert ours.stop == "no_gain"
     assert ours.err_all.shape == (0, 2)
+    assert ours.condition == 1
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -9,7 +9,7 @@ from textbook import frols_streamed
 
 from mapmore_cli.domain.fits import Scaling, SegmentFit
 from mapmore_cli.modelling.frols import frols
-from mapmore_cli.modelling.frols.moments import blocks_of_rows
+from mapmore_cli.modelling.frols.moments import blocks_of_rows, standard
 from mapmore_cli.modelling.frols.offsets import far_from_zero
 
 X = np.linspace(0, 1, 4000)
@@ -42,6 +42,19 @@ def test_the_constant_is_told_by_its_values(form, value):
     found = FORMS[form](wide, 273.15 + X, 4, 1e-4)  # a temperature in kelvin
     assert found.chosen.tolist()[-1] == 1
     assert found.stop == "tolerance"
+
+
+@pytest.mark.parametrize(("deviation", "is_constant"), [(2.0**-41, True), (2.0**-39, False)])
+def test_a_column_is_constant_if_only_its_last_digits_vary(deviation, is_constant):
+    """Its standard deviation is 0.45e-12 or 1.8e-12 of its first value; the limit is 1e-12."""
+    column, passes = 1 + deviation * np.array([0.0, 2.0]), []
+
+    def blocks():
+        passes.append(1)
+        return blocks_of_rows(column[:, None], column)()
+
+    assert np.isinf(standard(blocks).spread).all() == is_constant
+    assert len(passes) == 1
 
 
 @pytest.mark.parametrize("form", FORMS)

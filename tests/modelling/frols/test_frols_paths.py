@@ -2,6 +2,8 @@
 the same.
 """
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 from common import peak_memory
@@ -11,6 +13,12 @@ from textbook import frols_streamed
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.modelling.frols import engine, frols, reads_once, remainders
+from mapmore_cli.modelling.frols.moments import (
+    blocks_of_rows,
+    divided,
+    power_of_two,
+    safe_scale,
+)
 from mapmore_cli.modelling.frols.select import widened
 
 FORMS = ("basis", "gram", "gathered", "triangle", "streamed")
@@ -130,6 +138,16 @@ def test_units_at_the_end_of_the_range_of_doubles(form, scale):
     np.testing.assert_allclose(small_y.theta * 1e200, plain.theta, rtol=1e-9)
 
 
+def test_columns_are_scaled_only_if_their_squares_cannot_be_multiplied():
+    squares = np.array([0.9e-140, 1.1e-140, 1.0, 0.9e140, 1.1e140])
+    row = np.sqrt(squares)[None]
+    scale = safe_scale(squares, blocks_of_rows(row[:, :-1], row[:, -1]))
+    assert (scale == 1).tolist() == [False, True, True, True, False]
+    assert power_of_two(np.array([0.0, 0.3, 1.0, 1.5, 2.0])).tolist() == [1, 0.5, 2, 2, 4]
+    blocks = blocks_of_rows(row[:, :-1], row[:, -1])
+    assert divided(blocks, np.ones(5)) is blocks
+
+
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_values_that_are_not_finite_are_found_in_any_block(form, bad):
@@ -153,6 +171,11 @@ def test_memory_order_changes_nothing_and_nothing_is_written_to(layout):
     ours, reference = frols(given_P, y, 4), frols(P.copy(), y.copy(), 4)
     assert ours.chosen.tolist() == reference.chosen.tolist()
     np.testing.assert_allclose(ours.theta, reference.theta, rtol=1e-12)
+
+
+def test_a_wide_dictionary_is_not_copied():
+    P = np.random.default_rng(1).normal(size=(300, 3000))
+    assert peak_memory(lambda: frols(P, P[:, 5] + P[:, 9], 2)) < 0.5 * P.nbytes
 
 
 @pytest.mark.parametrize("kind", ["ordinary", "dependent", "nothing left to explain", "overflow"])
@@ -197,6 +220,82 @@ def test_the_record_is_read_as_seldom_as_possible(kind, stop, passes):
     record = Record(P, y, [3_000, 3_000])
     frols_streamed(record, 3, stop=stop)
     assert record.passes == passes
+
+
+@pytest.mark.parametrize(
+    ("own", "noise", "passes"),
+    [(5e-6, 0.1, 1), (5e-7, 0.1, 2), (1.0, 5e-9, 1), (1.0, 5e-10, 2)],
+)
+def test_the_record_is_read_again_only_if_subtraction_loses_too_many_digits(own, noise, passes):
+    """The second candidate has the fraction `own` of its square for itself, and the fraction
+    `noise` of the square of the output is left after both.
+    """
+    basis = np.linalg.qr(np.random.default_rng(0).normal(size=(9_000, 3)))[0]
+    a, b, rest = basis.T
+    P = np.column_stack([a, np.sqrt(1 - own) * a + np.sqrt(own) * b])
+    record = Record(P, a + 0.5 * b + np.sqrt(1.25 * noise) * rest, [3_000, 3_000])
+    assert len(frols_streamed(record, 2).chosen) == 2
+    assert record.passes == passes
+
+
+@pytest.mark.parametrize(
+    ("digits", "others", "clear"),
+    [
+        (0.5e-9, [1.0], True),  # so few errors that candidates within them are tied
+        (2e-9, [1.0], False),
+        (2e-9, [1 - 1e-9], False),
+        (2e-9, [1 - 4e-9, 0.5], True),
+        (0.5e-6, [0.9], True),
+        (2e-6, [0.9], False),  # the ERR itself would have too few digits
+    ],
+)
+def test_the_highest_err_counts_only_if_rounding_cannot_have_made_it(digits, others, clear):
+    """`digits` is the relative rounding error of the best product of candidate and residual."""
+    held = remainders.GramRemainders(np.ones(2 * (3 + len(others),)), None)
+    held.sse_of_products = (digits / remainders.ROUNDING) ** 2
+    assert held._clear_winner(np.array([np.nan, 1.0, *others])) == clear
+
+
+@pytest.mark.parametrize(("missing", "noticed"), [(0.5e-12, 0), (2e-12, 1), (-2e-12, 1)])
+def test_squares_that_do_not_add_up_show_that_digits_are_lost(missing, noticed):
+    """A Gram matrix whose `y'y` differs from that of the rows."""
+    P, y = np.array([[1.0], [0.0]]), np.ones(2)
+    gram = np.array([[1.0, 1.0], [1.0, 2.0 * (1 + missing)]])
+    held = remainders.GramRemainders(gram, blocks_of_rows(P, y))
+    held.choose(0)
+    with pytest.raises(remainders.DigitsLost) if noticed else nullcontext():
+        held._renew()
+
+
+@pytest.mark.parametrize(("small", "limit"), [(9, 1e-2), (8, 1e-6)])
+@pytest.mark.parametrize("factor", [0.5, 5])
+def test_a_remainder_is_computed_from_the_columns_if_subtraction_loses_its_digits(
+    small, limit, factor, monkeypatch
+):
+    """`q'q` is `factor * limit` of `p'p`, with another limit if there are more than `small`
+    values; the residual of the output has a square of `factor` per cent.
+    """
+    monkeypatch.setattr(remainders, "SMALL", small)
+    own, left = np.sqrt(factor * limit), np.sqrt(factor * 1e-2)
+    most, lost = np.sqrt(1 - own**2), factor < 1
+    P = np.array([[1, most, most], [0, own, 0], [0, 0, own]])
+    held = remainders.BasisRemainders(P, np.array([np.sqrt(1 - left**2), left, 0]), 3)
+    held.choose(0)
+    assert held.explicit.tolist() == ([1, 2] if lost else [])
+    assert held.sse_of_products == (held.sse if lost else held.yy)
+    held.choose(1)
+    assert held.explicit.tolist() == ([2] if lost else [])
+
+
+@pytest.mark.parametrize(("small", "rows"), [(12, 4), (11, 3)])
+def test_a_dictionary_that_is_not_small_is_replaced_by_its_triangular_factor(
+    small, rows, monkeypatch
+):
+    monkeypatch.setattr(engine, "SMALL", small)
+    P = np.arange(8.0).reshape(4, 2) ** 2
+    found, y = engine._fewer_rows(blocks_of_rows(P, P[:, 0] ** 2), 4, 3)
+    assert (len(found), len(y)) == (rows, rows)
+    np.testing.assert_allclose(found.T @ found, P.T @ P)
 
 
 @pytest.mark.parametrize(
@@ -245,7 +344,8 @@ def test_a_sample_that_alone_decides_a_term_has_no_leave_one_out_error(form):
 def test_a_selection_among_some_candidates_counts_all_of_them():
     """Also the first of them as a runner-up; the tables say nothing of the others."""
     P = np.random.default_rng(4).normal(size=(40, 2))
-    found = frols(P, P @ [3.0, 0.5], max_terms=2)
+    found = frols(P, P @ [0.5, 3.0], max_terms=2)
+    assert found.chosen.tolist() == [1, 0]
     among = np.array([1, 3])
     wide = widened(found, among, 5)
     assert wide.chosen.tolist() == among[found.chosen].tolist()

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from mapmore_cli.modelling.frols.moments import blocks_of_rows, moments, standard, standardised
+from mapmore_cli.modelling.frols.moments import (
+    Moments,
+    blocks_of_rows,
+    moments,
+    standard,
+    standardised,
+)
 from mapmore_cli.modelling.frols.ridge import (
     RIDGES,
     Regularised,
@@ -41,3 +47,22 @@ def test_a_block_that_is_left_out_has_the_error_of_its_rows(seed):
         assert found == pytest.approx(error(known, 0.05))
     sums = [error(rows, ridge) + error(~rows, ridge) for ridge in RIDGES]
     assert choose_ridge(total, parts, 4, 2) == RIDGES[int(np.argmin(sums))]
+
+
+def test_without_terms_the_error_of_a_block_is_the_square_of_its_output():
+    still = Moments(4, np.zeros(2), np.diag([4.0, 0.0]))  # an output that does not vary
+    block = Moments(2, np.ones(2), np.array([[2.0, 0.5], [0.5, 7.0]]))
+    assert _left_out_error(still, block, 0.01, 1, 1) == 7
+
+
+@pytest.mark.parametrize(("samples", "known"), [(2, False), (3, True)])
+def test_standard_errors_need_more_samples_than_terms(samples, known):
+    found = select(Regularised(np.eye(3) + 0.5, samples, 1e-3), 2)
+    assert np.isfinite(found.theta_error).tolist() == [known, known]
+
+
+def test_ridges_are_tried_from_small_to_large_in_steps_of_at_most_ten():
+    """Of equally good ridges the first is chosen, which is then the smallest."""
+    steps = np.divide(RIDGES[1:], RIDGES[:-1])
+    assert steps.min() > 1
+    assert steps.max() < 10.1

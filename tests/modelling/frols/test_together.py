@@ -3,6 +3,8 @@
 Billings 2013, section 3.4: the error reduction ratios of a candidate are added over the outputs.
 """
 
+import re
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -86,6 +88,13 @@ def test_a_spec_offers_rules_that_there_are():
     assert {*get_args(Stop)} <= {*CRITERIA, "free_run"}
 
 
+@pytest.mark.parametrize("key", ["margin", "max_terms", "tolerance", "slack"])
+def test_defaults_are_those_on_the_page_of_keys(key):
+    page = (Path(__file__).parents[3] / "docs" / "spec.md").read_text(encoding="utf-8")
+    given = re.findall(rf"^\| `{key}` \|[^|]*\| `(.*?)` \|", page, re.MULTILINE)
+    assert [float(text) for text in given] == [getattr(Fit(), key)]
+
+
 def test_a_ridge_prunes_three_times_as_many_terms_as_it_keeps_unless_a_number_is_given():
     terms = [Fit(max_terms=4, ridge=1e-9, forward=one).forward_terms for one in (None, 30, 2)]
     assert terms == [12, 30, 4]
@@ -113,6 +122,10 @@ def test_the_tolerance_waits_for_the_last_output():
     assert {*second.chosen} >= {1, 2, 3, 4}
     assert second.sse < 1e-6 * second.yy
     assert first.stop == second.stop == "tolerance"
+    Y, spread = np.column_stack([easy, hard]), np.sum((hard - hard.mean()) ** 2)
+    left = together(P, Y, 2)[1].sse / spread
+    for tolerance, count in ((1.01 * left, 2), (0.99 * left, 3)):
+        assert len(together(P, Y, None, tolerance)[1].chosen) == count
 
 
 @pytest.mark.parametrize("loss", ["squares", "huber"])

@@ -9,10 +9,12 @@ from textbook import textbook
 
 from mapmore_cli.modelling.frols import Weighing, frols
 from mapmore_cli.modelling.frols.weighing import (
+    LARGEST_TUNING,
     LOSSES,
     gross_outlier,
     loss_weights,
     numbered_curves,
+    scale_of,
 )
 
 TRUE = np.array([2.0, -1.0, 0.5])
@@ -45,6 +47,15 @@ def test_weights_make_the_choice_the_errors_and_the_tolerance():
         assert len(found.chosen) == terms
 
 
+def test_weights_keep_the_unit_of_the_output():
+    sigma, weights = np.array([1.0, 2.0, 5.0]), np.array([1.0, 0.25, 1.0])
+    assert np.mean(Weighing(sigma).sigma ** -2) == pytest.approx(1)
+    assert Weighing(sigma).sigma == pytest.approx(sigma * Weighing(sigma).sigma[0])
+    assert Weighing().by(weights).tolist() == [1, 2, 1]
+    three = columns(np.array([0.0, 1.0, 3.0])), np.array([1.0, 0.0, 2.0])
+    assert np.isnan(fitted(*three, loss="huber")[1]).all()  # no degree of freedom
+
+
 def with_outliers(seed, noise=0.1):
     """200 samples, a tenth of them far off to one side."""
     rng = np.random.default_rng(seed)
@@ -75,6 +86,17 @@ def test_a_loss_has_the_slope_of_its_weighted_residual_and_is_efficient_for_norm
     slope = LOSSES[loss].slope(loss_weights(loss, r))
     np.testing.assert_allclose(slope, (above - below) / (2 * h), atol=1e-5)
     assert (density @ slope) ** 2 / (density @ psi**2) == pytest.approx(0.95, abs=1e-4)
+
+
+def test_residuals_that_are_rounding_errors_of_the_output_have_its_scale():
+    y = 500 * np.ones(7)
+    for size, scale in ((3e-12, 1.4826 * 3e-12), (0.3e-12, 1e-12), (0.0, 1e-12)):
+        assert scale_of(500 * size * np.ones(7), y) == pytest.approx(500 * scale)
+    assert scale_of(0 * y, 0 * y) == 1.0
+
+
+def test_beyond_the_largest_tuning_no_loss_gives_a_sample_much_weight():
+    assert max(loss_weights(loss, np.array([LARGEST_TUNING]))[0] for loss in LOSSES) < 0.3
 
 
 def test_a_law_without_noise_is_found_beside_outliers():
@@ -128,6 +150,9 @@ def test_a_gross_outlier_is_twenty_deviations_from_a_fit_to_the_other_samples(si
     expected = [(y[i] - without(i)[0]) / without(i)[1] for i in range(7)]
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
     assert worst == outlier
+    for own, freedom in ((1e-9, 2), (1e-10, 3)):  # two columns that are almost the same one
+        alike = P[:5, 1:2] * [1, 1] + own * P[:5, 2:] * [0, 1]
+        assert gross_outlier(alike, y[:5])[0].any() == (freedom == 3)
     zeros, none = gross_outlier(P[:6], y[:6])  # two degrees of freedom of the others
     assert (zeros.tolist(), none) == ([0.0] * 6, None)
 

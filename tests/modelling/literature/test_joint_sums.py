@@ -25,8 +25,15 @@ from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.fits import FormulaFit
 from mapmore_cli.domain.models import Formula, Model
 from mapmore_cli.domain.recording import CurveRange, Quantity
-from mapmore_cli.domain.results import FitResult
-from mapmore_cli.modelling.kinds import equations, one_step_ahead, outside_range, predict
+from mapmore_cli.domain.results import FitResult, SimulatedRun
+from mapmore_cli.modelling import kinds
+from mapmore_cli.modelling.kinds import (
+    equations,
+    one_step_ahead,
+    outside_range,
+    predict,
+    verbs_of,
+)
 from mapmore_cli.modelling.literature import get
 from mapmore_cli.study.sections.model import Summand, TendonSettings
 
@@ -68,6 +75,9 @@ def test_both_muscles_are_recovered_but_for_what_their_difference_does_not_show(
         assert [part.parameters[name] for name in MUSCLE_LIKE[:5]] == pytest.approx(
             truth[:5], rel=1e-4
         )
+    dataset = dataset_of({**columns, "force": pair_force(columns)}, output="force")
+    first, _ = formula_parts(PAIR, fit, dataset)
+    assert first.model.input_names == ("length", "pressure", "velocity")
     told = " ".join(note for note in fit.notes if "not identified" in note)
     assert all(name in told for name in ("c0_1", "c1_1", "c0_2", "c1_2"))
     assert "b0_1" not in told
@@ -200,6 +210,31 @@ def test_the_equations_begin_with_what_is_added_up():
     assert first.text == "flexor(pressure = p1, strain = s) - extensor(pressure = p2, strain = -s)"
     assert first.latex.count("text{") >= 2
     assert flexed().notes == ("flexor: a braid", "extensor: a braid")
+
+
+@pytest.mark.parametrize(
+    ("parts", "shown"), [((1.0,), False), ((-1.0,), True), ((1.0, -1.0), True)]
+)
+def test_what_is_added_up_is_shown_unless_it_is_the_models_as_they_are(parts, shown):
+    models = tuple(Part(braid(f"m{place}", 2.0), sign) for place, sign in enumerate(parts))
+    whole = Model("whole", FORCE, models[0].model.inputs, Sum(models))
+    assert (equations(whole)[0].id == "sum") == shown
+
+
+def test_a_sum_diverges_in_the_rows_in_which_a_part_does(monkeypatch):
+    rows = iter([(9, 1), (8, 1)])
+    monkeypatch.setattr(kinds, "simulate", lambda _, x: SimulatedRun(x["strain"], next(rows)))
+    columns = {"p1": np.zeros(10), "p2": np.zeros(10), "s": np.arange(10.0)}
+    found = verbs_of(flexed()).simulate(flexed(), columns)
+    assert found.diverged == (1, 8, 9)
+    assert found.values.tolist() == [2.0 * row for row in range(10)]
+
+
+def test_a_joint_formula_is_solved_as_a_linear_form_if_a_part_has_one():
+    plain, formed = summand("sarosi", strain="0.1 - x"), PAIR[0]
+    assert get("muscle_like").form is not None
+    for parts, has_form in (((plain, plain), False), ((plain, formed), True)):
+        assert (joint_formula(parts).form is not None) == has_form
 
 
 ALONE, RENAMED = {}, {"pressure": "p1", "strain": "s"}

@@ -4,6 +4,7 @@ levels, and of one surface.
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from surfaces import QUANTITIES, at, built, changed, curves, force, joined, recipe
 
+from mapmore_cli.domain.errors import FitError
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.kinds import predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
+from mapmore_cli.modelling.pieces import backbone_choice, cross_validation
 from mapmore_cli.modelling.pieces.backbone_choice import (
     FEW,
     choose_backbone,
@@ -25,6 +28,8 @@ from mapmore_cli.modelling.pieces.backbone_choice import (
 from mapmore_cli.modelling.pieces.cross_validation import (
     LeftOutErrors,
     _of_fewer_samples,
+    blocks_in,
+    in_curve,
     inner_folds,
     leave_out,
     repeats_left_out,
@@ -78,7 +83,7 @@ def test_the_share_does_not_depend_on_the_unit(unit):
     left_out = LeftOutErrors(*(unit * x for x in (measured, backbone, residual)), 2)
     assert left_out.share == pytest.approx(0.6)
     assert left_out.rmse(0.6) < min(left_out.rmse(0.55), left_out.rmse(0.65))
-    for size, share in ((-1.0, 0), (0.1, 1)):
+    for size, share in ((-1.0, 0), (0.0, 0), (0.1, 1)):
         assert replace(left_out, residual=unit * size * residual).share == share
 
 
@@ -213,8 +218,9 @@ def test_what_made_the_data_is_chosen(name):
     assert "With each of 2 inner training levels left out" in choice.note
 
 
-def test_three_levels_choose_nothing():
-    choice = choose_backbone(curves(levels=LEVELS[:3], held_out=()), recipe(), QUANTITIES)
+@pytest.mark.parametrize("count", [2, 3])
+def test_three_levels_choose_nothing(count):
+    choice = choose_backbone(curves(levels=LEVELS[:count], held_out=()), recipe(), QUANTITIES)
     assert choice.name == FEW
     assert "too few to choose" in choice.note
 
@@ -242,6 +248,11 @@ def test_the_simplest_within_the_margin_is_taken(errors):
     sizes = {name: len(literature.get(name).parameters) if name else 0 for name in errors}
     assert errors[chosen] <= near
     assert all(errors[name] > near for name in errors if sizes[name] < sizes[chosen])
+
+
+def test_the_margin_is_two_per_cent():
+    assert simplest_backbone({None: 1.02, "sarosi": 1.0}) is None
+    assert simplest_backbone({None: 1.0201, "sarosi": 1.0}) == "sarosi"
 
 
 def test_the_choice_is_made_on_an_even_share_in_the_order_of_the_curve():
@@ -282,7 +293,7 @@ def test_folds_are_the_inner_blocks_along_every_input():
     samples = scattered()
     made = recipe(**OF_SURFACE)
     inner = inner_folds(samples, made)
-    assert len(inner) == 6
+    assert [fold[0].sum() for fold in inner] == [12] * 6  # of 60 samples in five blocks
     for name, folds in (("pressure", inner[:3]), ("strain", inner[3:])):
         x = samples[0].columns[name]
         ends = sorted((x[out].min(), x[out].max()) for (out,) in folds)
@@ -290,6 +301,16 @@ def test_folds_are_the_inner_blocks_along_every_input():
         assert ends[-1][1] < x.max()
         assert all(before[1] < after[0] for before, after in pairwise(ends))
     assert all(out.any() for fold in inner for out in fold)
+
+
+def test_blocks_of_curves_lie_along_the_first_segmented_or_other_quantity():
+    made = curves(held_out=(250.0,))
+    assert [sum(out.sum() for out in fold) for fold in blocks_in(made, recipe())] == [72] * 5
+    (few,) = (one.at(np.arange(3)) for one in made[:1])
+    assert len(blocks_in([few], recipe())) == 3
+    sample = curve_of({"z": np.ones(2), "level": np.ones(2), "b": np.ones(2), "a": np.ones(2)})
+    assert in_curve([sample], (), "a", "level") == "b"
+    assert in_curve([sample], ("direction", "z"), "a", "level") == "z"
 
 
 def test_curves_with_levels_are_left_out_whole_where_they_are_pooled():
@@ -318,7 +339,53 @@ def test_all_of_the_residual_counts_with_the_share_that_left_out_blocks_support(
     assert bool(kept.body.segments) == (share > 0)
 
 
-def test_a_backbone_is_chosen_for_a_surface_by_its_blocks():
-    choice = choose_backbone(scattered(n=48, seed=2), recipe(**OF_SURFACE), QUANTITIES)
-    assert choice.name in possible_backbones(scattered(), "force")
-    assert "With each of 6 inner training blocks left out in turn" in choice.note
+@pytest.mark.parametrize(("error", "chosen"), [(0.9, None), (1.1, "sarosi")])
+@pytest.mark.parametrize(
+    ("samples", "settings", "parts"),
+    [
+        (curves(held_out=()), {}, "2 inner training levels"),
+        (scattered(), OF_SURFACE, "6 inner training blocks"),
+    ],
+)
+def test_a_model_without_a_backbone_is_compared_with_all_of_its_pieces(
+    samples, settings, parts, error, chosen, monkeypatch
+):
+    """Its left-out samples are missed by `error`, and those of formulas by one."""
+    measured, nothing = np.arange(9.0), np.zeros(9)
+
+    def errors(_curves, _recipe, _quantities, name, folds):
+        both = (nothing, measured + error) if name is None else (measured + 1, nothing)
+        return LeftOutErrors(measured, *both, len(folds))
+
+    monkeypatch.setattr(backbone_choice, "leave_out", errors)
+    monkeypatch.setattr(backbone_choice, "possible_backbones", lambda *_: (None, "sarosi"))
+    choice = choose_backbone(samples, recipe(**settings), QUANTITIES)
+    assert choice.name == chosen
+    assert f"With each of {parts} left out in turn" in choice.note
+
+
+@pytest.mark.parametrize("error", [np.nan, None])
+def test_without_a_fit_that_succeeds_no_backbone_is_used(error, monkeypatch):
+    def failed(*_how):
+        if error is None:
+            raise FitError("the fit failed", "write another formula")
+        return LeftOutErrors(np.full(2, error), np.zeros(2), np.zeros(2), 2)
+
+    monkeypatch.setattr(backbone_choice, "leave_out", failed)
+    assert choose_backbone(curves(held_out=()), recipe(), QUANTITIES).name is None
+
+
+def test_a_backbone_that_cannot_be_fitted_without_a_fold_is_an_error(monkeypatch):
+    fit = SimpleNamespace(failed=True, name="sarosi")
+    monkeypatch.setattr(cross_validation, "fit_formula", lambda *_how: fit)
+    samples = curves(held_out=())
+    with pytest.raises(FitError, match="the fit of sarosi failed"):
+        leave_out(samples, recipe(), QUANTITIES, "sarosi", inner_folds(samples, recipe()))
+
+
+def test_a_residual_is_unchanged_if_nothing_can_be_left_out():
+    settings = OF_SURFACE | {"dictionary": ("1", "strain"), "max_terms": 1}
+    x = np.repeat([0.0, 0.1], 20)
+    samples = [curve_of({"pressure": 100 + x, "strain": x, "force": 300 - x})]
+    model = built(samples, fit_formula("polynomial_2", curves(), "force"), **settings)
+    assert with_trusted_residual(model, samples, recipe(**settings), QUANTITIES) is model

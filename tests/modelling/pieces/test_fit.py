@@ -15,10 +15,11 @@ from mapmore_cli.modelling.expressions import dictionary_matrix, parse, to_text
 from mapmore_cli.modelling.expressions.families import products
 from mapmore_cli.modelling.frols import frols, reads_once
 from mapmore_cli.modelling.frols.weighing import Choice
+from mapmore_cli.modelling.pieces import segment_fit
 from mapmore_cli.modelling.pieces.build import segment
 from mapmore_cli.modelling.pieces.placement import end_of_trend
 from mapmore_cli.modelling.pieces.recipe import Cuts
-from mapmore_cli.modelling.pieces.segment_fit import fit_together
+from mapmore_cli.modelling.pieces.segment_fit import fit_together, quantities_in
 from mapmore_cli.modelling.pieces.segmentation import scaled_inputs
 
 seeds = st.integers(0, 2**32 - 1)
@@ -57,7 +58,7 @@ def test_only_the_fit_that_is_kept_gets_standard_errors(loss, monkeypatch):
     assert len(counted) == 1
 
 
-@given(seeds, st.sampled_from([1.0, 0.05, 20.0]), st.integers(20, 150))
+@given(seeds, st.sampled_from([1.0, 0.05, 20.0]), st.integers(4, 150))
 def test_the_anchor_is_on_a_parabola_through_the_weight_of_the_nearest_samples(seed, near, n):
     """Six samples of the median weight, or 5 % of the samples and one, whatever they weigh."""
     rng = np.random.default_rng(seed)
@@ -65,11 +66,22 @@ def test_the_anchor_is_on_a_parabola_through_the_weight_of_the_nearest_samples(s
     nearest = int(np.ceil(0.05 * n))
     weights[:nearest] *= near
     wanted, rows = (max(3, nearest) + 1) * np.median(weights) * (1 - 1e-9), 1
-    while weights[:rows].sum() < wanted or rows < nearest:
+    while rows < n and (weights[:rows].sum() < wanted or rows < nearest):
         rows += 1
     slopes = np.polyfit(away[:rows], y[:rows], min(2, rows - 1), w=np.sqrt(weights[:rows]))
     expected = np.polyval(slopes, away[:nearest]).mean()
     assert end_of_trend(away[None], y, weights) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(("missing", "rows"), [(0.5e-9, 3), (5e-9, 4)])
+def test_a_parabola_needs_a_further_sample_unless_rounding_has_made_the_weight_too_small(
+    missing, rows
+):
+    """The wanted weight is that of four samples, of which the first three lack a fraction."""
+    away, y, weights = np.linspace(0, 1, 20), np.random.default_rng(0).normal(size=20), np.ones(20)
+    weights[:3] = 1.5, 1.5, 1 - 4 * missing
+    slopes = np.polyfit(away[:rows], y[:rows], 2, w=np.sqrt(weights[:rows]))
+    assert end_of_trend(away[None], y, weights) == pytest.approx(slopes[-1], abs=1e-6)
 
 
 def test_weights_that_only_rounding_tells_apart_are_alike():
@@ -77,6 +89,12 @@ def test_weights_that_only_rounding_tells_apart_are_alike():
     for unit in (1e-6, 1.0, 1e6):
         weights = unit * (1 + 4e-13 * (np.arange(100) % 2))
         assert end_of_trend(away, y, weights) == pytest.approx(y[:5].mean())
+    unlike = 1 + 4e-12 * (np.arange(100) % 2)
+    assert abs(end_of_trend(away, y, unlike) - y[:5].mean()) > 1e-3
+
+
+def test_quantities_are_in_alphabetical_order():
+    assert quantities_in([parse("h*g*f + e*d"), parse("c*b*a")]) == tuple("abcdefgh")
 
 
 POWERS = products(["strain"], 4)
@@ -118,6 +136,25 @@ def test_a_segment_needs_more_samples_than_terms():
             continue
         with pytest.raises(DataError, match=r"3 training sample\(s\), too few for 3 term"):
             fit_together(own, {"strain": x, "force": y}, POWERS, [made])
+
+
+@pytest.mark.parametrize(
+    ("long", "most", "recorded"),
+    [(24, 0, [1, 2, 0]), (23, 3, [0, 1, 2]), (23, 2, None)],
+)
+def test_short_segments_are_sorted_and_the_order_of_long_ones_is_ignored(
+    long, most, recorded, monkeypatch
+):
+    """Three samples have 24 bytes."""
+    monkeypatch.setattr(segment_fit, "LONG", long)
+    monkeypatch.setattr(segment_fit, "MOST", most)
+    x = np.array([3.0, 1.0, 2.0])
+    own = Segment("all/all", "all", (), np.arange(3))
+    made = recipe(dictionary=("strain",))
+    found = segment_fit._samples_of(own, {"strain": x, "force": -x}, ("strain",), made, None)
+    assert found.y.tolist() == ([-1, -2, -3] if long == 24 else [-3, -1, -2])
+    order = found.weighing.recorded
+    assert (order if order is None else order.tolist()) == recorded
 
 
 TERMS = products(["pressure", "strain"], 5)
@@ -173,6 +210,59 @@ def test_five_outliers_move_a_segment_by_less_than_the_noise(seed):
     )
     inner = slice(*np.searchsorted(PLACES, (x[~out][0], x[~out][-1])))
     assert np.abs(whole - without)[inner].max() < 1.0
+
+
+@pytest.mark.parametrize(
+    ("n", "most", "counts", "columns"),
+    [
+        (7, 2, {3}, 3),
+        (9, 1, {2, 3}, 2),
+        (10, 1, {2, 3}, 6),
+        (200, 1, {2, 6}, 6),
+        (201, 1, {2, 6}, 0),
+    ],
+)
+def test_outliers_are_sought_by_fits_of_few_and_of_many_terms(
+    n, most, counts, columns, monkeypatch
+):
+    """With the constant, there are six candidates. In a short segment, each sample is compared with
+    a fit of all of them to the other samples, or of the chosen ones if there are too few samples.
+    """
+    tried, sizes = set(), set()
+    chosen, sought = segment_fit._chosen_terms, segment_fit.gross_outlier
+
+    def choose(terms, scalings, outputs, made):
+        if len(terms) == 6:
+            tried.add(made.fit.max_terms)
+        return chosen(terms, scalings, outputs, made)
+
+    def seek(P, y):
+        sizes.add(P.shape[1])
+        return sought(P, y)
+
+    monkeypatch.setattr(segment_fit, "_chosen_terms", choose)
+    monkeypatch.setattr(segment_fit, "gross_outlier", seek)
+    x = np.linspace(0, 0.25, n)
+    y = 300 * (1 - 3 * x) + np.random.default_rng(n).normal(0, 0.3, n)
+    fitted(x, y, loss="huber", max_terms=most, scaling="none", tolerance=0.0)
+    assert tried == counts
+    assert min(sizes, default=0) == columns
+
+
+@pytest.mark.parametrize(("height", "hidden"), [(0.1, True), (300, False), (-300, False)])
+def test_only_an_outlier_with_a_small_residual_is_weighed_by_a_fit_without_it(
+    height, hidden, monkeypatch
+):
+    seen = []
+    deleted = np.full(40, 0.5)
+    monkeypatch.setattr(segment_fit, "gross_outlier", lambda _P, _y: (deleted, 20))
+    monkeypatch.setattr(
+        segment_fit, "loss_weights", lambda _loss, left: seen.append(left) or np.ones(40)
+    )
+    x, noise = np.linspace(0, 0.25, 40), np.random.default_rng(1).normal(0, 0.3, 40)
+    y = 300 * (1 - 3 * x) + noise + height * (np.arange(40) == 20)
+    fitted(x, y, loss="huber", scaling="none")
+    assert {left is deleted for left in seen} == {hidden}
 
 
 LONG = pytest.mark.long

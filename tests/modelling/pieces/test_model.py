@@ -93,9 +93,17 @@ def test_several_terms_saturate_by_default_and_one_term_continues():
     assert built(max_terms=1).body.fusion.extrapolation["strain"] == ("continue", "continue")
     several = built(max_terms=3)
     assert several.body.fusion.extrapolation["strain"] == ("saturate", "saturate")
-    assert any("the output is kept constant" in note for note in several.notes)
-    asked = built(max_terms=3, extrapolation="continue")
-    assert any("pressure=80" in note and "very large" in note for note in asked.notes)
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_a_sample_at_the_limit_of_a_curve_is_not_outside(end):
+    model = built(max_terms=3)
+    curve = model.body.curves[1]
+    edge = at(curve.level, curve.limits["strain"][end])
+    outside = at(curve.level, curve.limits["strain"][end] + (1e-9 if end else -1e-9))
+    cut = joined(model, extrapolation=dict.fromkeys(("pressure", "strain"), ("zero", "zero")))
+    assert predict(cut, edge) == predict(model, edge) != 0
+    assert predict(cut, outside) == 0
 
 
 def words_of(model):
@@ -113,7 +121,9 @@ def test_rules_say_what_is_joined_and_what_lies_outside():
     )
     several = built(max_terms=3)
     assert words_of(several) == [weights, between, level, f"strain: {held}."]
-    one, *_ = several.body.curves
+    one, other, *_ = several.body.curves
+    ends = replace(other, boundaries=(other.boundaries[0][[0, -1]],))
+    assert words_of(replace(several, body=replace(several.body, curves=(ends, one))))[0] == weights
     assert words_of(replace(several, body=replace(several.body, curves=(one,)))) == [
         weights, level, f"strain: {held}."
     ]  # fmt: skip

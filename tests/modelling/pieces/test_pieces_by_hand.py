@@ -161,6 +161,8 @@ def test_residuals_go_together_within_a_pooled_curve_or_within_a_recording():
     assert pooled.tolist() == [0, 1, 2]
     assert _labels_of_curves(rows, [MIXED], MIXED, False).tolist() == [2, 2, 1]
     assert _labels_of_curves(rows, [MIXED], replace(MIXED, origin=None), False) is None
+    of_two = replace(MIXED, recordings=("a", "b"))
+    assert _labels_of_curves(rows, [of_two], of_two, False).tolist() == [2, 2, 1]
     single = replace(MIXED, recordings=("a",))
     assert _labels_of_curves(rows, [single], single, False) is None
 

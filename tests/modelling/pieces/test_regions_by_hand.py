@@ -16,6 +16,7 @@ from scipy.spatial import ConvexHull
 from mapmore_cli.domain.recording import CurveRange
 from mapmore_cli.modelling.ranges import limits, outside_limits
 from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.shape.exchange import _grid_about, _widened
 from mapmore_cli.modelling.shape.region import region_within
 from mapmore_cli.modelling.shape.stencils import (
     POINTS,
@@ -25,7 +26,7 @@ from mapmore_cli.modelling.shape.stencils import (
     stencil_weights,
     stencils_on,
 )
-from mapmore_cli.modelling.shape.support import _axes
+from mapmore_cli.modelling.shape.support import _axes, _confirmed, _near, _noise
 
 
 def region_of(columns, fit=None, ranges=None, level=None):
@@ -260,5 +261,66 @@ def test_a_grid_has_about_4096_nodes_but_not_too_few_or_many_along_one_input(cou
     assert [len(axes[name]) for name in ("g", *names[:-1])] == [1, *(count * [most])]
     assert axes["a"][[0, -1]].tolist() == [places[:, 0].min(), places[:, 0].max()]
     assert np.ptp(np.diff(axes["a"])) < 1e-12
+    exact = SimpleNamespace(names=names[:-1], places=places[:most, :-1], fixed={})
+    assert _axes(exact, None)["a"].tolist() == sorted(places[:most, 0])
     with_few = SimpleNamespace(names=names, places=places, fixed={})
     assert _axes(with_few, None)["few"].tolist() == [*range(7)]
+
+
+@pytest.mark.parametrize("word", PAIRS)
+@pytest.mark.parametrize(("errors", "confirmed"), [(-5, False), (2.9, False), (3.1, True)])
+def test_a_slope_of_more_than_three_standard_errors_confirms_a_contradiction(
+    word, errors, confirmed
+):
+    """The residuals are normal to the line, which has twelve degrees of freedom."""
+    x = np.linspace(-1, 1, 14)
+    line = np.column_stack([np.ones(14), x])
+    left = np.random.default_rng(0).normal(size=14)
+    left -= line @ np.linalg.lstsq(line, left)[0]
+    error = np.sqrt(left @ left / 12 / (x @ x))
+    wrong = -1 if word == "increasing" else 1
+    cells = SimpleNamespace(
+        names=("x",), places=x[:, None], values=wrong * errors * error * x + left
+    )
+    assert _confirmed(cells, ShapeWord("x", word), np.arange(14)) == confirmed
+    two = SimpleNamespace(names=("x",), places=x[:2, None], values=wrong * x[:2])
+    assert _confirmed(two, ShapeWord("x", word), np.arange(2))  # no freedom, hence no error
+
+
+@pytest.mark.parametrize(("cells", "inputs", "near"), [(30, 1, 12), (30, 5, 13), (4, 1, 4)])
+def test_the_cells_near_a_cell_are_twelve_or_more_than_twice_the_inputs(cells, inputs, near):
+    places = np.random.default_rng(0).random((cells, inputs))
+    found = _near(SimpleNamespace(places=places))
+    assert found.shape == (cells, near)
+    assert found[:, 0].tolist() == [*range(cells)]
+
+
+@pytest.mark.parametrize(("cells", "known"), [(3, False), (4, True)])
+def test_noise_is_known_from_three_cells_around_a_cell(cells, known):
+    few = SimpleNamespace(
+        places=np.arange(cells)[:, None] * 1.0,
+        values=np.arange(cells) % 2 * 1.0,
+        counts=np.ones(cells),
+    )
+    assert (_noise(few, _near(few)) > 0).tolist() == [known] * cells
+
+
+def test_a_region_is_widened_by_the_direct_neighbours_of_its_nodes():
+    axes = {"a": np.arange(6.0), "b": np.arange(7.0)}
+    at = nodes_of(axes)
+    found = _widened(axes, (at["a"] == 2) & (at["b"] == 3))
+    assert found.tolist() == ((abs(at["a"] - 2) <= 1) & (abs(at["b"] - 3) <= 1)).tolist()
+
+
+def test_a_finer_grid_reaches_from_the_middle_of_a_stencil_to_the_next_nodes():
+    """By nine nodes along each input, but not beyond the ends of the region."""
+    region = region_of(by_levels(), None, LEVELS, "pressure")
+    axes = {"pressure": np.linspace(100, 300, 5), "strain": np.linspace(0, 0.3, 4),
+            "load": np.linspace(1, 7, 3)}  # fmt: skip
+    coarse = stencils_on(axes, ShapeWord("pressure", "increasing"), np.ones(60, dtype=bool))
+    first = coarse.at(np.array([0]))
+    steps = {"pressure": 50.0, "strain": 0.1, "load": 3.0}
+    found = _grid_about(first, steps, region)
+    assert np.unique(found.columns["pressure"]) == pytest.approx([*np.linspace(100, 175, 7)])
+    assert np.unique(found.columns["strain"]) == pytest.approx([0, 0.025, 0.05, 0.075, 0.1])
+    assert found.asked == first.asked

@@ -39,6 +39,7 @@ def wriggling():
     ("extrapolation", "order", "made", "said"),
     [
         (None, 2, curves, "the output is kept constant"),
+        (None, 1, curves, ""),
         ("saturate", 2, curves, ""),
         ("continue_linear", 2, curves, ""),
         ("continue", 2, curves, ""),  # a parabola does not explode there
@@ -69,3 +70,20 @@ def test_a_curve_explodes_beyond_one_and_a_half_ranges_from_the_middle(power, to
     assert exploding_curves(model, [samples], "y") == told
     held = joined(model, extrapolation={"x": ("saturate", "saturate")})
     assert exploding_curves(held, [samples], "y") == []
+
+
+def test_one_segment_with_several_terms_decides_for_its_curve_and_one_input_for_the_model():
+    """The segment on the left has one term; only along x does the curve continue."""
+    x = np.linspace(0, 1, 101)
+    line, steep = 1e-3 * x, np.where(x > 0.5, x**8, 0)
+    samples = curve_of({"x": x, "z": np.cos(40 * x), "y": line + steep})
+    asked = {"target": "y", "level": None, "cuts": {"x": Cuts("breakpoints", at=(0.505,))},
+             "dictionary": ("x", "x^8", "z"), "max_terms": 2, "tolerance": 0.0,
+             "scaling": "none"}  # fmt: skip
+    quantities = {name: Quantity(name, "1") for name in "xyz"}
+    plain = build("a", [samples], recipe(**asked), quantities)
+    assert [len(one.terms) for one in plain.body.segments] == [1, 2]
+    assert plain.body.fusion.extrapolation["x"] == ("saturate", "saturate")
+    assert "the output is kept constant" in plain.notes[-1]
+    sides = {"x": ("continue", "continue"), "z": ("saturate", "saturate")}
+    assert exploding_curves(joined(plain, extrapolation=sides), [samples], "y") == ["a"]

@@ -140,12 +140,19 @@ def test_of_equals_the_first(cost):
         ([3, 9, 1], [0, 1, 3]),
         ([2, 1, 2], [0, 3]),
         ([4, 3, 5], [0, 1, 2, 3]),
+        ([1, 1], [0, 2]),  # too few samples for one segment
     ],
 )
 def test_the_segment_of_the_fewest_joins_the_neighbour_of_fewer(counts, kept):
     x = np.repeat(np.arange(len(counts)) + 0.5, counts)
     found = joined_segments(np.arange(len(counts) + 1.0), x, 3, np.ones(len(x), dtype=bool))
     assert found.tolist() == kept
+
+
+def test_a_sample_on_a_boundary_counts_for_both_segments():
+    ends, training = np.arange(3.0), np.ones(3, dtype=bool)
+    assert joined_segments(ends, ends, 2, training).tolist() == [0, 1, 2]
+    assert joined_segments(ends, ends, 3, training).tolist() == [0, 2]
 
 
 def test_too_few_samples_say_what_to_do():

@@ -23,7 +23,10 @@ from mapmore_cli.modelling.inverse import UNIQUE, invert
 from mapmore_cli.modelling.kinds import outside_range, predict
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.pieces.recipe import Cuts
+from mapmore_cli.modelling.pieces.shaped import _with_coefficients
 from mapmore_cli.modelling.selection import Fit
+from mapmore_cli.modelling.shape import support
+from mapmore_cli.modelling.shape import violations as of_shapes
 from mapmore_cli.modelling.shape.least_squares import least_squares_under
 from mapmore_cli.modelling.shape.region import region_of
 from mapmore_cli.modelling.shape.stencils import POINTS, ShapeWord
@@ -182,7 +185,7 @@ def test_high_orders_are_as_good_as_a_dense_quadratic_program(order, word):
     assert np.sum((predict(model, {"strain": x}) - y) ** 2) < 1.001 * least
 
 
-def test_a_wave_violates_its_shape_by_all_its_rises():
+def test_a_wave_violates_its_shape_by_all_its_rises(monkeypatch):
     """Chebyshev's polynomial of order 4 rises twice by 2, which is its range."""
     x = np.linspace(0, 1, 300)
     columns = {"strain": x, "force": chebval(2 * x - 1, [0, 0, 0, 0, 1])}
@@ -192,8 +195,14 @@ def test_a_wave_violates_its_shape_by_all_its_rises():
         (wave,), dictionary=terms, level=None, cuts={}, max_terms=5, tolerance=0.0, scaling="none"
     )
     region = region_of(model, [wave], Fit(shape={}, slack=0.0))
-    (found,) = violations(model, [ShapeWord("strain", "decreasing")], region)
+    asked = [ShapeWord("strain", "decreasing")]
+    (found,) = violations(model, asked, region)
     assert (found.amount, found.share) == pytest.approx((4, 2), rel=1e-3)
+    for rise in (0.5e-9, 3e-9):  # of the range; less than 1e-9 is rounding
+        step = lambda _, at, rise=rise: rise * np.ptp(columns["force"]) * (at["strain"] > 0.5)  # noqa: E731
+        monkeypatch.setattr(of_shapes, "settled", step)
+        (found,) = violations(model, asked, region)
+        assert found.share == pytest.approx(rise * (rise > 1e-9))
 
 
 def noisy(true, n, seed, noise=0.05):
@@ -223,6 +232,15 @@ def test_what_contradicts_a_sign_beyond_its_noise_is_refused(true):
         samples = noisy(true, 200, seed)
         with pytest.raises(FitError, match=r"contradict it, by .* times what their noise explains"):
             refuse_unsupported(samples, "force", ["strain"], None, FALLING)
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1e6])
+def test_samples_without_noise_contradict_a_sign_in_any_unit(unit):
+    x = np.linspace(0, 1, 40)
+    with pytest.raises(FitError, match="contradict it, by"):
+        refuse_unsupported(
+            [curve_of({"strain": x, "force": unit * x})], "force", ["strain"], None, FALLING
+        )
 
 
 def scattered(true, inputs, n, noise, seed):
@@ -291,6 +309,16 @@ def test_signs_and_bounds_hold_for_coefficients_in_the_unit_of_the_target():
     )
 
 
+@pytest.mark.parametrize(("change", "known"), [(5e-10, True), (5e-9, False)])
+def test_a_coefficient_that_changes_loses_its_standard_error(change, known):
+    body = built(max_terms=1).body
+    theta = np.concatenate([segment.theta for segment in body.segments])
+    theta[0] *= 1 + change
+    errors = [one.theta_error for one in _with_coefficients(body, theta).segments]
+    assert np.isfinite(errors[0]).all() == known
+    assert np.isfinite(errors[1:]).all()
+
+
 def refused(samples, shape, **settings):
     fit = recipe(shape=shape).fit
     model = built(samples, max_terms=1, **settings)
@@ -311,6 +339,29 @@ def test_a_sign_that_the_training_data_contradict_or_hardly_tell_is_refused():
     told = refused(few, {"pressure": "increasing"}, cuts={})
     assert re.search("`pressure: increasing` was examined at [0-9] differences", told)
     assert "`length` is not an input" in refused(samples, {"length": "increasing"})
+
+
+@pytest.mark.parametrize(
+    ("rises", "size", "examined"),
+    [(1, 0.01, False), (2, 0.01, True), (2, 3e-9, True), (2, 0.5e-9, False)],
+)
+def test_one_in_twenty_differences_may_have_the_wrong_sign(rises, size, examined, monkeypatch):
+    """Others must not, unless they are rounding errors, below 1e-9 of the range."""
+    seen = []
+    monkeypatch.setattr(support, "_contradiction", lambda *how: seen.append(how))
+    x = np.linspace(0, 1, 22)
+    y = -x + (1 / 21 + size) * np.isin(np.arange(22), [5, 12][:rises])
+    refuse_unsupported([curve_of({"strain": x, "force": y})], "force", ["strain"], None, FALLING)
+    assert bool(seen) == examined
+
+
+def test_noise_alone_is_rarely_mistaken_for_a_contradiction(monkeypatch):
+    """Without a confirmation, once in a hundred times; at a level of ten per cent, the last of
+    these recordings would be refused.
+    """
+    monkeypatch.setattr(support, "_confirmed", lambda *_: True)
+    for seed in (0, 1, 2, 3, 31):
+        refuse_unsupported(noisy(lambda x: 0 * x, 100, seed), "force", ["strain"], None, FALLING)
 
 
 @pytest.mark.parametrize(("n", "enough"), [(11, False), (12, True)])

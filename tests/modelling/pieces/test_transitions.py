@@ -50,6 +50,13 @@ def test_pieces_on_a_backbone_are_added_whole_if_nothing_else_is_said():
     assert Fusion(extrapolation={}).shrink == 1
 
 
+def test_without_zones_a_boundary_belongs_to_the_left_segment():
+    found = cell_weights(
+        np.array([1.0, 1.1]), np.array([0.0, 1.0, 4.0]), Fusion(extrapolation={}, z_s=0)
+    )
+    assert found.tolist() == [[1, 0], [0, 1]]
+
+
 CARRIERS = {"Joining", "Fuse", "Fusion", "z_s"}
 ON_THE_WAY = ("study", "fitting", "pipeline", "ingestion", "storage", "domain", "modelling")
 

@@ -24,6 +24,8 @@ from mapmore_cli.modelling.expressions import (
     to_mathml,
     to_text,
 )
+from mapmore_cli.modelling.expressions.calculus import exponents
+from mapmore_cli.modelling.expressions.evaluation import folded
 
 POINTS = st.fixed_dictionaries(
     {name: st.floats(-3, 3).map(lambda v: round(v, 3)) for name in NAMES}
@@ -124,6 +126,7 @@ x             1
 y             0
 exp(-x/0.02)  -exp(-x/0.02)/0.02
 x^-20         -20/x^20/x
+x^-19         -19/x^20
 log(x)        1/x
 abs(x)        sign(x)
 """),
@@ -178,6 +181,14 @@ def test_absent_and_misshapen_columns_are_data_errors():
         evaluate(parse("strain"), {"strain": np.zeros(3)}, 4)
     with pytest.raises(DataError, match="number of rows"):
         evaluate(parse("1"), {})
+    with pytest.raises(DataError, match="no column `b`"):  # the first in alphabetical order
+        evaluate(parse("h*g*f*e*d*c*b*a"), {"a": np.zeros(3)})
+
+
+def test_parts_without_variables_become_numbers_but_a_divisor_remains():
+    assert to_text(folded(parse("exp(0)*x/620 + 2^3"))) == "x/620 + 8"
+    assert exponents(parse("p*strain^2/x")) == {"p": 1, "strain": 2, "x": -1}
+    assert exponents(parse("2*x")) is exponents(parse("x + p")) is None
 
 
 @given(st.lists(texts(max_leaves=6), max_size=6), st.integers(1, 4))
@@ -206,6 +217,9 @@ def test_a_term_that_is_not_finite_is_named_with_its_first_row(row):
     ) as caught:
         dictionary_matrix([parse("x"), parse("log(x)"), parse("sqrt(x)")], {"x": x}, len(x))
     assert (caught.value.term, caught.value.row) == ("log(x)", row)
+    columns = {name: np.full(3, place) for place, name in enumerate("abcde", -4)}
+    with pytest.raises(NotFinite, match="a = -4, b = -3, c = -2, d = -1, e = 0"):
+        dictionary_matrix([parse("log(e + d + c + b + a)")], columns, 3)
     assert isinstance(caught.value, ValueError)
 
 

@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mapmore_cli.modelling.expressions import to_text
+from mapmore_cli.domain.errors import DataError
+from mapmore_cli.modelling.expressions import families, to_text
 from mapmore_cli.modelling.expressions.families import (
     count_products,
     fits_whole,
@@ -16,6 +17,7 @@ from mapmore_cli.modelling.expressions.families import (
 )
 from mapmore_cli.modelling.expressions.operators.lags import spread_times
 from mapmore_cli.modelling.expressions.operators.play import spread_widths
+from mapmore_cli.modelling.expressions.states import state
 
 
 def test_monomials_are_written_as_a_person_would():
@@ -36,16 +38,32 @@ def test_names_are_written_as_a_person_would():
     )
     assert operated("play", ["p"], [(0.16,), (0.4,)]) == ("play(p, 0.16)", "play(p, 0.4)")
     assert operated("slow", ["play(p, 0.16)"], [(0.3,)]) == ("slow(play(p, 0.16), 0.3)",)
+    assert operated("wen_stiffening", ["p"], [(-4.0, 8.0)]) == ("wen_stiffening(p, -4, 8)",)
     assert operated("resonance", ["p"]) == ("resonance(p)", "resonance_velocity(p)")
 
 
 @pytest.mark.parametrize(
     ("operator", "numbers"),
-    [("play", [(0.0,)]), ("play", [(1.0,)]), ("resonance", [(4.0,)])],
+    [
+        *(("play", [(0.0,)]), ("play", [(1.0,)]), ("resonance", [(4.0,)])),
+        *(("resonance", [(4.0, 1.0)]), ("wen", [(-64.0, 80.0)]), ("dahl", [(-1.0,)])),
+    ],
 )
 def test_impossible_operators_are_refused(operator, numbers):
     with pytest.raises(ValueError, match=r"number|between"):
         operated(operator, ["p"], numbers)
+
+
+@pytest.mark.parametrize(("operator", "numbers"), [("wen", (-63.0, 0.0)), ("dahl", (0.0,))])
+def test_hysteresis_may_have_rates_of_zero_and_below(operator, numbers):
+    assert state(*operated(operator, ["p"], [numbers])).numbers == numbers
+
+
+@pytest.mark.parametrize(("room", "text"), [(2e8, "0.2 GB may"), (5e7, "50 MB may")])
+def test_too_many_products_are_refused_with_the_size_of_the_memory(room, text, monkeypatch):
+    monkeypatch.setattr(families, "usable_memory", lambda: room)
+    with pytest.raises(DataError, match=text):
+        products([f"x{i}" for i in range(60)], 3)
 
 
 def test_spread_numbers_cover_the_training_range():

@@ -156,6 +156,14 @@ def test_the_numbers_that_training_tries_have_limits_and_beginnings_within_them(
                 assert low <= number <= high
 
 
+@pytest.mark.parametrize("name", SEARCHES)
+def test_a_search_begins_at_numbers_that_are_neither_alike_nor_far_apart(name):
+    for tried in map(np.unique, np.transpose(OPERATORS[name].starts(0.01, 40.0))):
+        for sizes in (tried[tried > 0], -tried[tried < 0][::-1]):
+            ratios = sizes[1:] / sizes[:-1]
+            assert ((ratios > 1.7) & (ratios < 12)).all()
+
+
 def sample_by_sample(operator, setting, x):
     """The recursion from rest, its arguments put together here."""
     rule = operator.recursion(setting)
@@ -226,7 +234,11 @@ def test_slopes_are_the_derivatives_of_the_recursion(name):
 @pytest.mark.parametrize("name", OPERATORS)
 def test_a_source_that_did_not_vary_in_training_has_states(name):
     setting = replace(setting_of(name), limits=(2.0, 2.0))
-    assert np.isfinite(along(OPERATORS[name], np.array([2.0, 2.0, 3.0, 1.0]), setting)).all()
+    found = along(OPERATORS[name], x := np.array([2.0, 2.0, 3.0, 1.0]), setting)
+    assert np.isfinite(found).all()
+    if name in ("coulomb", "creep"):  # a width of one
+        one = Setting((*setting.numbers[:-1], 1.0), STEP, (0.0, 1.0))
+        assert found.tolist() == along(OPERATORS[name], x, one).tolist()
 
 
 @pytest.mark.parametrize("name", OPERATORS)

@@ -22,10 +22,12 @@ from mapmore_cli.modelling.expressions import (
     power,
     state,
     to_latex,
+    to_mathml,
     to_text,
 )
 from mapmore_cli.modelling.expressions.operators import OPERATORS
 from mapmore_cli.modelling.expressions.states import Lagged, Measured, Operated
+from mapmore_cli.modelling.expressions.syntax import Power
 
 
 @pytest.mark.parametrize(
@@ -223,6 +225,7 @@ def test_names_of_an_expression():
         lambda: Number(math.nan),
         lambda: Number(math.inf),
         lambda: power(Name("x"), 20.5),
+        lambda: power(Name("x"), -20.5),
         lambda: call("eval", Name("x")),
     ],
 )
@@ -290,6 +293,12 @@ def test_every_tree_that_can_be_built_survives_as_text(expression):
 @given(texts(), st.integers(1, 8))
 def test_rounded_text_still_parses(text, digits):
     assert parse(to_text(parse(text), digits)).names <= parse(text).names
+
+
+def test_zero_has_neither_a_sign_nor_brackets():
+    zero = Number(0.0)
+    assert to_mathml(zero) == ("<mrow><mn>0</mn></mrow>",)
+    assert (to_text(Power(zero, 2.0)), to_latex(Power(zero, 2.0))) == ("0^2", "0^{2}")
 
 
 def test_digits_round_numbers_but_not_whole_exponents():

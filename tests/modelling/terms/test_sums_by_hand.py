@@ -44,6 +44,7 @@ def test_numbers_of_a_product_stand_in_front():
     apart = multiply(HUGE, negate(HUGE), X, ONE)
     assert apart == Product((Number(-1e300), HUGE, X))
     assert multiply(TINY, TINY, X) == Product((TINY, TINY, X))
+    assert multiply(negate(X), TINY, TINY) == Product((Number(-1e-300), TINY, X))
     least = sys.float_info.min
     assert multiply(Number(least), ONE, X) == Product((Number(least), X))
     assert multiply(Number(least), Number(0.5)) == Product((Number(least), Number(0.5)))
