@@ -14,7 +14,7 @@ from mapmore_cli.checking.findings import Issue
 from mapmore_cli.cli import console
 from mapmore_cli.cli.compared import of_campaign, of_campaigns, of_comparisons, of_inspection
 from mapmore_cli.cli.console import print_document, settle, spec_of
-from mapmore_cli.cli.views import of_dataset
+from mapmore_cli.cli.views import of_dataset, of_stage
 from mapmore_cli.domain.errors import DataError, WriteError
 from mapmore_cli.pipeline.inspection import Inspection
 from mapmore_cli.storage import run_record
@@ -135,6 +135,15 @@ def test_samples_at_rest_neither_train_nor_validate():
     curve = replace(made.curves[0], at_rest=np.arange(6) < 3)
     (shown,) = of_dataset(replace(made, curves=(curve,))).document["curves"]
     assert (shown["train"], shown["validate"]) == (1, 2)
+
+
+def test_the_files_of_a_report_are_listed_in_the_order_of_the_alphabet(tmp_path):
+    paths = [tmp_path / "report" / name for name in ("c.csv", "d/x", "a.svg", "b.html", "e.pdf")]
+    for path in paths:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    files = of_stage("report", tmp_path).document["files"]
+    assert files == tuple(sorted(map(str, paths)))
 
 
 def test_records_are_shown_by_their_stages(tmp_path, mapmore):
