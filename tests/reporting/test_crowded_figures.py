@@ -27,7 +27,9 @@ def boxes(figure):
 
 def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
     with figure_style():
-        figure = compose(drawings("fit", inputs)[0])
+        drawn = drawings("fit", inputs)[0]
+        figure = compose(drawn)
+        assert 0 < figure.get_figheight() - drawn.grid.height < 0.5, "room for the legend"
         panels = [ax.get_window_extent() for ax in figure.axes]
         assert np.ptp([panel.width for panel in panels]) < 1e-6
         assert panels[0].height == pytest.approx(2 * panels[1].height)
@@ -79,7 +81,9 @@ def test_of_many_levels_some_are_marked_and_the_caption_says_how_many(inputs, mo
     monkeypatch.setattr("mapmore_cli.reporting.figures.panels.DOTS", 2)
     _, drawing = courses_of(inputs)
     assert " 2 of 3 training levels are drawn" in drawing.caption
-    marked = compose(drawing).axes[0].lines[1].get_xdata()
+    figure = compose(drawing)
+    assert 0 < figure.get_figheight() - drawing.grid.height < 0.5, "without a legend"
+    marked = figure.axes[0].lines[1].get_xdata()
     assert marked.tolist() == [80, 350]
 
 

@@ -155,6 +155,20 @@ def test_a_training_curve_has_its_error_below(inputs):
     assert look["label"] == "mapmore"
 
 
+def test_figures_of_curves_that_are_held_out_in_part_show_which_samples(mixed):
+    """Although one curve is held out as a whole."""
+    curves = list(mixed.dataset.curves)
+    curves[2] = replace(curves[2], held_out=np.ones(curves[2].size, dtype=bool))
+    dataset = replace(mixed.dataset, curves=tuple(curves))
+    study = replace(mixed, whole=dataset)
+    figure, training = fit.draw(study)
+    assert figure.panels[0].draw.keywords == {"words": ("held out", "training")}
+    assert "Filled dots and grey bands mark held-out samples" in figure.caption
+    ((data,),) = ([panel.data for panel in training.panels],)
+    assert {*data["data"]} == {"train"}
+    assert len(data["data"]) == sum(curve.training.sum() for curve in curves)
+
+
 def test_a_model_without_pieces_is_named_in_the_caption(inputs):
     assert fit.own_words(inputs) == ""
     formula = replace(inputs, model=FORMULAS["sarosi"])
@@ -362,4 +376,20 @@ def test_panels_stand_in_rows_of_three_or_of_two_if_they_are_four():
 )
 def test_entries_of_a_legend_are_in_rows_of_nearly_equal_length(count, width, columns):
     """An entry with two letters of 8 points is 9.6 times 4.4 points, or 0.587 inches, wide."""
-    assert drawing.legend_columns(["a", *["ab"] * (count - 1)], width, 8.0) == columns
+    assert drawing.legend_columns(["", *["ab"] * (count - 1)], width, 8.0) == columns
+
+
+@pytest.mark.parametrize(("width", "columns", "wide"), [(3.5, 1, 0), (3.6, 1, 1), (7.0, 2, 0)])
+def test_a_panel_of_one_column_of_a_journal_fits_on_a_narrow_screen(width, columns, wide):
+    assert drawing.RenderedFigure("q", "", "", width, columns).is_wide == wide
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_both_ways_of_drawing_have_the_same_ticks(count):
+    panels = [drawing.Panel(str(k), lambda ax: ax.plot([0, 1]), "x", ("y",)) for k in range(count)]
+    ax = drawing.compose(drawing.Drawing("q", "", tuple(panels), drawing.Layout(2.0))).axes[0]
+    (sheet,) = sketched._filled(panels[0].draw, [1.0], count, 7.0)
+    for sketch_axis, axis in ((sheet.xaxis, ax.xaxis), (sheet.yaxis, ax.yaxis)):
+        low, high = axis.get_view_interval()
+        ticks = [at for at in axis.get_ticklocs() if low <= at <= high]
+        assert ticks == pytest.approx([*sketch_axis.labels()])

@@ -84,6 +84,9 @@ class TestLabels:
             figure.draw_without_rendering()
             texts = [text for text in figure.findobj(mpl.text.Text) if text.get_text()]
             assert min(text.get_fontsize() for text in texts) >= 7, name
+            handles = [one for legend in figure.legends for one in legend.legend_handles]
+            lines = [one for one in handles if isinstance(one, mpl.lines.Line2D)]
+            assert max((line.get_markersize() for line in lines), default=0.0) < 10
 
 
 def test_the_own_model_always_looks_the_same_and_no_two_models_do():
@@ -114,6 +117,7 @@ class TestFit:
         assert [len(ax.patches) for ax in drawn(inputs, "fit")["fit"].axes] == [0, 0]
         figure = drawn(mixed, "fit")["fit"]
         assert [len(ax.patches) for ax in figure.axes] == [1] * 8
+        assert len({ax.get_xlim() for ax in figure.axes}) == 1
         panel, (span,) = curve_fit(mixed, 0), figure.axes[0].patches
         low, high = span.get_x(), span.get_x() + span.get_width()
         np.testing.assert_array_equal((panel.x > low) & (panel.x < high), panel.held_out)

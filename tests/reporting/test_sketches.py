@@ -10,6 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from report_builder import build
+from test_memory_report import report_of
 
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.reporting.figures.axis import Axis, levels_of, nice_ticks
@@ -36,10 +37,31 @@ def texts(svg):
     ]
 
 
+def assert_fine(drawing, svg):
+    """Lines are thin, dots are small, nothing is more than opaque, and every axes is high enough to
+    be read and low enough for a page.
+    """
+    strokes = re.findall(r'stroke-width="([.\d]+)"( stroke-linecap)?', svg)
+    assert max((float(width) for width, dots in strokes if not dots), default=0.0) <= 2
+    dots = [float(width) for width, dots in strokes if dots]
+    assert max([*dots, *(2 * float(r) for r in re.findall(r' r="([.\d]+)"', svg))], default=0) <= 5
+    assert max(map(float, re.findall(r'opacity="([.\d]+)"', svg)), default=0.0) <= 1
+    heights = drawing.grid.height * np.divide(drawing.grid.stack, sum(drawing.grid.stack))
+    assert 0.5 <= min(heights) <= max(heights) <= 3
+
+
+@pytest.mark.parametrize("name", ["fit", "residuals", "error", "data"])
+def test_lines_and_dots_over_time_are_fine(name):
+    running = report_of(["pressure", "motion[k-1]"])
+    for drawing in drawings(name, running):
+        assert_fine(drawing, sketched(drawing, running.style).svg)
+
+
 @pytest.mark.parametrize("name", sorted(FIGURES.keys() - FILES_ALONE))
 def test_every_figure_of_a_page_is_a_quick_drawing(inputs, name):
     for drawing in drawings(name, inputs):
         figure = sketched(drawing, inputs.style)
+        assert_fine(drawing, figure.svg)
         words = texts(figure.svg)
         for panel in drawing.panels:
             assert panel.x_label in words
