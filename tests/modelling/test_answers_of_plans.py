@@ -1,5 +1,6 @@
 """What a person gives to `plan` and `tune`, and how trials are compared."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -26,8 +27,9 @@ def test_values_of_settings_are_yaml():
     values = _values_of(["fit.max_terms=2,4", " fit.stop =bic", "a=[1, 2],true"])
     assert values == {"fit.max_terms": [2, 4], "fit.stop": ["bic"], "a": [[1, 2], True]}
     for text in ("fit", "=1", "fit.=1", "a=", "a=1]"):
-        with pytest.raises(UsageError, match="--over"):
+        with pytest.raises(UsageError, match="--over") as refused:
             _values_of([text])
+        assert not re.search(r":\d", refused.value.message), "an option has no lines"
     with pytest.raises(UsageError, match="given twice"):
         _values_of(["a=1", "a=2"])
 

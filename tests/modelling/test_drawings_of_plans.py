@@ -29,9 +29,20 @@ def marks(ax, colour):
     return [[*zip(*line.get_data(), strict=True)] for line in dots]
 
 
+def axes_of(drawing):
+    """The axes of a figure. Its lines are thin, and it is as high as two or three columns of text
+    allow.
+    """
+    assert 1 < drawing.grid.height < 3
+    axes = compose(drawing).axes
+    lines = [one.get_linewidth() for ax in axes for one in (*ax.lines, *ax.collections)]
+    assert np.hstack(lines).max() <= 2
+    return axes
+
+
 def test_half_widths_over_one_quantity():
     drawing = drawing_of(Plan("p", FORCE, {"strain": STRAIN}, 9.0, CANDIDATES, PICTURE))
-    (ax,) = compose(drawing).axes
+    (ax,) = axes_of(drawing)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("strain", "half width of force (N)")
     before, after, measured = ax.lines[:3]
     assert [before.get_ydata().tolist(), after.get_ydata().tolist()] == [[3, 5, 4], [2, 1, 2]]
@@ -50,7 +61,7 @@ def test_half_widths_over_two_quantities_are_colours():
     picture = Picture(PLACES, PICTURE.before, PICTURE.after, PLACES)
     plan = Plan("p", FORCE, {"strain": STRAIN, "load": LOAD}, 9.0, CANDIDATES, picture)
     drawing = drawing_of(plan)
-    ax, bar = compose(drawing).axes
+    ax, bar = axes_of(drawing)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("strain", "load (kg)")
     assert bar.get_ylabel() == "half width of force (N)"
     (colours,) = ax.collections
@@ -65,7 +76,7 @@ def test_levels_to_measure_have_no_half_width():
     between = (Candidate({"load": 2.0}, "between", gap=3.0),)
     picture = Picture(PLACES, PICTURE.before, PICTURE.after, PLACES)
     drawing = drawing_of(Plan("p", FORCE, {"load": LOAD}, 9.0, between, picture))
-    assert drawing.panels[0].y_labels == ("",)
+    assert axes_of(drawing)[0].get_ylabel() == ""
     assert drawing.caption.startswith("The levels that were measured")
     assert len(drawing.legend) == 2
 
@@ -135,7 +146,7 @@ def test_every_combination_is_a_dot_with_its_error_and_the_chosen_one_has_a_ring
         "order 3",
         "simplest within one standard error",
     ]
-    (ax,) = compose(drawing).axes
+    (ax,) = axes_of(drawing)
     assert ax.lines[0].get_ydata() == pytest.approx([10, 10])
     dots = [mark for line in ax.lines[1:] for mark in line.get_xydata().tolist()]
     assert sorted(dots) == [[3, 20], [3, 20], [4, 30], [5, 10]]

@@ -10,6 +10,7 @@ from common import curve_of
 from export_samples import SAROSI
 from report_builder import build
 
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.literature.model import formula_equations
 from mapmore_cli.modelling.validation.intervals import left_out_summary
@@ -24,7 +25,12 @@ def inputs():
 
 @pytest.mark.parametrize(
     ("low", "high", "ends", "near"),
-    [(2, 4, [1.7, 4.3], 0.12), (4, 4, [3.4, 4.6], 0), (0, 0, [-0.15, 0.15], 0)],
+    [
+        (2, 4, [1.7, 4.3], 0.12),
+        (4, 4, [3.4, 4.6], 0),
+        (-4, -4, [-4.6, -3.4], 0),
+        (0, 0, [-0.15, 0.15], 0),
+    ],
 )
 def test_an_input_goes_beyond_its_range(low, high, ends, near):
     reach = data._reach(low, high)
@@ -166,6 +172,30 @@ def test_competitors_that_a_page_computes_have_the_output_the_inputs_and_the_ste
     assert [*explore._competitors(inputs)] == ["same", "static", "most"]
 
 
+def test_models_without_code_are_left_out_and_no_program_is_run(inputs, monkeypatch):
+    validation = replace(inputs.validation, models={"sarosi": inputs.model})
+    study, written = replace(inputs, validation=validation), explore.wrapped
+
+    def wrapped(key, *model):
+        if key in unwritten:
+            raise DataError("no closed expression", "choose another model")
+        return written(key, *model)
+
+    def run(*_, **__):
+        raise AssertionError("another program is run")
+
+    monkeypatch.setattr(explore, "wrapped", wrapped)
+    monkeypatch.setattr("subprocess.Popen", run)
+    unwritten = []
+    (found,) = explore.explored([study]).outputs
+    assert [one["key"] for one in found["others"]] == ["model0.0"]
+    unwritten.append("model0.0")
+    (found,) = explore.explored([study]).outputs
+    assert found["others"] == []
+    unwritten.append("model0")
+    assert explore.explored([study]) is None
+
+
 def test_formulas_that_were_fitted_one_after_the_other_stand_below_each_other():
     fits = {"a (static)": SAROSI, "a (damping)": SAROSI, "a": SAROSI, "b": SAROSI, "ab": SAROSI}
     unknown = replace(SAROSI, name="nobody's")
@@ -209,3 +239,7 @@ def test_intervals_stand_at_even_levels(inputs, monkeypatch):
     monkeypatch.setattr(data, "half_widths_of", lambda _model, columns, _level: columns["row"])
     found = data._interval(study)
     assert (found["of"], found["half"]) == (None, [0.0] * 41)
+    one_level = [curve_of({"pressure": np.full(3, 200.0)})]
+    study.model.level, study.dataset = "pressure", SimpleNamespace(curves=one_level)
+    monkeypatch.setattr(data, "half_widths_of", lambda _model, columns, _level: columns["pressure"])
+    assert (data._interval(study)["of"], data._interval(study)["low"]) == (None, 200)

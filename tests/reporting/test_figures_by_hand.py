@@ -1,5 +1,6 @@
 """What figures draw, call by call: which numbers, in which order, and in which colours."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -102,7 +103,7 @@ def test_errors_that_differ_by_more_than_twenty_times_are_on_a_logarithmic_axis(
     inputs, largest, logarithmic
 ):
     sizes = [
-        ErrorBand(low, low + 1, 9, dict.fromkeys(inputs.models, low)) for low in (1.0, largest)
+        ErrorBand(low, low + 1, 9, dict.fromkeys(inputs.models, low)) for low in (1.0, largest, 0.0)
     ]
     (figure,) = bands.draw(
         replace(inputs, validation=replace(inputs.validation, bands=tuple(sizes)))
@@ -114,6 +115,8 @@ def test_errors_that_differ_by_more_than_twenty_times_are_on_a_logarithmic_axis(
     }
     assert ax.yaxis.logarithmic is logarithmic
     assert logarithmic or ax.yaxis.ends == (0.0, pytest.approx(1.05 * largest))
+    assert not logarithmic or [*ax.yaxis.labels()] == [1, 2, 5, 10, 20]
+    assert ax.xaxis.ends == pytest.approx((0, 2), abs=0.5)
     words = [bands._short(value) for value in (999.4, 1000.0, 99_999.0, 1e5, 0.12345)]
     assert words == ["999", "1000", "99999", "1e+05", "0.123"]
 
@@ -326,6 +329,20 @@ def test_a_sketch_draws_bars_areas_and_dots_at_their_places():
     assert '<rect x="20.00" y="10.00" width="10.00" height="30.00"' in svg_of(*ranges)[1]
 
 
+def test_areas_lie_below_lines_and_lines_below_coloured_dots():
+    ax, x = sketch.Sketch(7.0), np.arange(2.0)
+    ax.scatter(x, x, 9.0, x, cmap="Blues", vmin=0.0, vmax=1.0)
+    ax.axhline(0.5)
+    ax.plot(x, x)
+    ax.fill_between(x, x, x + 1, color="#000")
+    ax.axvspan(0.0, 1.0, color="#000")
+    ax.barh(0.0, 1.0, 0.5)
+    ax.contourf(*np.meshgrid(x, x), np.eye(2), levels=x, cmap="Blues")
+    orders = [order for order, _ in ax.marks]
+    dots, lines, areas = orders[:1], orders[1:3], orders[3:]
+    assert max(areas) < min(lines) <= max(lines) < min(dots)
+
+
 def test_a_sketch_writes_words_beside_their_places():
     """An offset upwards, an anchor, and space at the right for words that begin there."""
     limits = ("set_xlim", (2.0, 6.0), {}), ("set_ylim", (1.0, 4.0), {})
@@ -344,14 +361,15 @@ def test_a_sketch_writes_words_beside_their_places():
 
 
 def test_a_colour_bar_has_its_colours_from_bottom_to_top_and_its_ticks_beside():
-    shades = colours.Shades("Blues", np.array([0.0, 1.0, 2.0]))
+    shades = colours.Shades("Blues", np.array([-1.0, 0.0, 1.0]))
     limits = ("set_xlim", (0.0, 6.0), {}), ("set_ylim", (4.0, 1.0), {})
     ax, svg = svg_of(*limits, ("colorbar", (shades,), {"label": "force"}))
     low, high = (colours.colour_at("Blues", share) for share in (0.0, 1.0))
     assert f'<rect x="68.00" y="25.00" width="8.00" height="15.00" fill="{low}"' in svg
     assert f'<rect x="68.00" y="10.00" width="8.00" height="15.00" fill="{high}"' in svg
-    assert 'x="79.0" y="28.5">1.0' in svg
-    assert ax.right == pytest.approx(14 + 3 * 0.55 * 10 + 20)
+    assert 'x="79.0" y="28.5">0.0' in svg
+    assert ax.right == pytest.approx(14 + len("-0.5") * 0.55 * 10 + 20)
+    assert re.search(r'<text [^>]* transform="rotate\(-90 [^>]*><tspan [^>]*>force<', svg)
 
 
 def test_a_panel_is_an_element_as_large_on_the_screen_as_its_letters_need():

@@ -113,6 +113,9 @@ def test_places_are_true_to_the_numbers():
         (-120.0, 60.0, ["−100", "−50", "0", "50"]),
         (0.0, 0.3, ["0.0", "0.1", "0.2", "0.3"]),
         (0.0, 1e-7, ["0", "2e-08", "4e-08", "6e-08", "8e-08", "1e-07"]),
+        (0.0, 1e-4, ["0.00000", "0.00002", "0.00004", "0.00006", "0.00008", "0.00010"]),
+        (0.0, 1e6, ["0", "200000", "400000", "600000", "800000", "1e+06"]),
+        (0.3, 0.1 + 0.2, ["0.3"]),  # ends that differ by rounding alone
         (1.0, 3.2, ["1.0", "1.5", "2.0", "2.5", "3.0"]),
         (0.0, 10.0, ["0.0", "2.5", "5.0", "7.5", "10.0"]),
     ],
@@ -193,7 +196,8 @@ def test_ticks_are_as_many_as_there_is_room_for():
 
 def test_a_single_value_is_a_tick_and_a_level():
     assert levels_of(5.0, 5.0, 4) == [5.0]
-    assert nice_ticks(5.0, 5.0, 4) == [5.0]
+    for value in (5.0, 0.0, -5.0):
+        assert nice_ticks(value, value, 4) == [value]
     assert nice_ticks(1.0, math.nextafter(1.0, 2.0), 4) == [1.0]  # differ by rounding alone
 
 
