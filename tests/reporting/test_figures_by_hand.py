@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from common import curve_of
 from export_samples import FORMULAS, STATIC
+from matplotlib import rcParams
 from matplotlib.colors import to_rgb
 from report_builder import Recorder
 
@@ -21,6 +22,7 @@ from mapmore_cli.reporting.figures import (
     commands,
     data,
     drawing,
+    elements,
     error,
     fit,
     nrmse,
@@ -77,6 +79,7 @@ def test_bars_of_a_model_stand_around_its_row_the_held_out_one_above_and_solid(i
         (pytest.approx(error), pytest.approx(row - 0.18))
         for row, error in enumerate((2.2, 2.5, 7.0))
     ]
+    assert max(look["markersize"] for _, look in ax.named("plot")) < 10, "lower than a bar"
     assert ax.named("set_xlim") == [((), {"left": 0})]
     assert not ax.named("axvline")
     words = [args[0].split(" (published ") for args, _ in ax.named("annotate")]
@@ -95,6 +98,7 @@ def test_bars_of_a_model_stand_around_its_row_the_held_out_one_above_and_solid(i
     (figure,) = nrmse.draw(study)
     (line,) = calls_of(figure.panels[0]).named("axvline")
     assert line[0] == (pytest.approx(1.5),)
+    assert line[1]["linewidth"] < 2
     assert figure.legend[-1].label == "repeatability 1.50"
 
 
@@ -314,7 +318,7 @@ def test_a_sketch_draws_bars_areas_and_dots_at_their_places():
     assert 'd="M0 10l0 10ZM20 10l10 0l0 10l-10 0Z" fill="#333" fill-opacity="0.5"' in area
     _, dots = svg_of(
         ("scatter", (np.array([1.0]), np.array([2.0]), 16.0, np.array([0.0])),
-         {"cmap": "Blues", "vmin": 0.0, "vmax": 1.0, "edgecolors": "0.2"}),
+         {"cmap": "Blues", "vmin": 0.0, "vmax": 1.0, "edgecolors": "0.2", "linewidths": 0.3}),
     )  # fmt: skip
     assert '<circle cx="10.0" cy="20.0" r="2" fill="#f7fbff"/>' in dots
     assert 'stroke="#333333" stroke-width="0.3"' in dots
@@ -331,10 +335,11 @@ def test_a_sketch_draws_bars_areas_and_dots_at_their_places():
 
 def test_areas_lie_below_lines_and_lines_below_coloured_dots():
     ax, x = sketch.Sketch(7.0), np.arange(2.0)
-    ax.scatter(x, x, 9.0, x, cmap="Blues", vmin=0.0, vmax=1.0)
+    rims = {"edgecolors": "none", "linewidths": 0.0}
+    ax.scatter(x, x, 9.0, x, cmap="Blues", vmin=0.0, vmax=1.0, **rims)
     ax.axhline(0.5)
     ax.plot(x, x)
-    ax.fill_between(x, x, x + 1, color="#000")
+    ax.fill_between(x, x, x + 1, color="#000", alpha=0.5)
     ax.axvspan(0.0, 1.0, color="#000")
     ax.barh(0.0, 1.0, 0.5)
     ax.contourf(*np.meshgrid(x, x), np.eye(2), levels=x, cmap="Blues")
@@ -387,6 +392,8 @@ def test_panels_stand_in_rows_of_three_or_of_two_if_they_are_four():
         assert (plan.columns, plan.width) == (columns, 3.5 if count == 1 else drawing.DOUBLE)
         narrow = drawing.arranged(figure, style.PLAIN, width=drawing.DOUBLE * 0.7)
         assert narrow.columns == max(1, int(columns * 0.7))
+    # the space between the two columns of a page is small
+    assert 0 < drawing.DOUBLE - 2 * 3.5 < 0.3
 
 
 @pytest.mark.parametrize(
@@ -400,6 +407,28 @@ def test_entries_of_a_legend_are_in_rows_of_nearly_equal_length(count, width, co
 @pytest.mark.parametrize(("width", "columns", "wide"), [(3.5, 1, 0), (3.6, 1, 1), (7.0, 2, 0)])
 def test_a_panel_of_one_column_of_a_journal_fits_on_a_narrow_screen(width, columns, wide):
     assert drawing.RenderedFigure("q", "", "", width, columns).is_wide == wide
+
+
+def test_both_ways_of_drawing_have_the_same_margins_lines_and_dashes():
+    ends = np.array([0.0, 1.0])
+    panel = drawing.Panel("", lambda ax: ax.plot(ends), "x", ("y",))
+    figure = drawing.Drawing("q", "", (panel,), drawing.Layout(2.0))
+    svg = sketched.sketched(figure, style.PLAIN).svg
+    axes_width = float(re.search(r'stroke="#000" stroke-width="([.\d]+)"', svg)[1])
+    with style.figure_style():
+        (ax,) = drawing.compose(figure).axes
+        assert ax.margins() == (sketch.MARGINS["x"], sketch.MARGINS["y"])
+        assert f'stroke-width="{ax.lines[0].get_linewidth():g}"' in elements.line_svg(
+            ends, ends, {}
+        )
+        assert {
+            rcParams[name] for name in ("axes.linewidth", "xtick.major.width", "ytick.major.width")
+        } == {axes_width}
+        for dashes, name in (("--", "dashed"), ("-.", "dashdot"), (":", "dotted")):
+            assert list(elements.DASHES[dashes]) == rcParams[f"lines.{name}_pattern"]
+        sides = {name for name, spine in ax.spines.items() if spine.get_visible()}
+        assert sides == {"left", "bottom"}
+        assert not ax.text(0, 0, "$x$").get_parse_math(), "a name may have dollar signs"
 
 
 @pytest.mark.parametrize("count", [1, 2])

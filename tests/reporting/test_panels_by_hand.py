@@ -45,7 +45,7 @@ def test_long_lines_are_means_and_ranges_of_equal_stretches():
 def test_a_line_has_a_band_with_more_than_four_samples_in_each_stretch(samples, filled):
     drawn = []
     ax = SimpleNamespace(
-        fill_between=lambda x, *_ends, **_look: drawn.append(len(x)),
+        fill_between=lambda x, *_ends, alpha, **_look: drawn.append(len(x) * (0 < alpha < 0.5)),
         plot=lambda x, _y, **_look: drawn.append(len(x)),
     )
     x = np.linspace(0, 1, samples)
@@ -201,6 +201,7 @@ def test_room_for_the_labels_of_the_longest_line():
         room = 4 * 0.62 * 8 + 6 + 2 * 10.5
         assert sketched._room_left(sheets, labels, 8.0) == pytest.approx(room)
     assert sketched._room_left(sheets[:1], [""], 8.0) == pytest.approx(3 * 0.62 * 8 + 6)
+    assert sketched._width("i") < sketched._width("m") == sketched._width("W") <= 1
 
 
 @pytest.mark.parametrize("last", [True, False])

@@ -84,6 +84,7 @@ class TestLabels:
             figure.draw_without_rendering()
             texts = [text for text in figure.findobj(mpl.text.Text) if text.get_text()]
             assert min(text.get_fontsize() for text in texts) >= 7, name
+            assert max(text.get_fontsize() for text in texts) < 12, name
             handles = [one for legend in figure.legends for one in legend.legend_handles]
             lines = [one for one in handles if isinstance(one, mpl.lines.Line2D)]
             assert max((line.get_markersize() for line in lines), default=0.0) < 10
@@ -94,6 +95,11 @@ def test_the_own_model_always_looks_the_same_and_no_two_models_do():
     assert styles["mapmore"] == style.model_styles(["mapmore"])["mapmore"]
     for looks in ("colour", "dashes", "marker"):  # told apart without colour too
         assert len({str(getattr(look, looks)) for look in styles.values()}) == 7
+    own, *others = styles.values()
+    assert all(own.width > other.width >= 1 for other in others)
+    assert own.width < 2
+    assert own.zorder < min(other.zorder for other in others), "seen below the dashed lines"
+    assert all(max(other.dashes[1]) < 10 for other in others)
 
 
 class TestFit:
@@ -154,6 +160,8 @@ class TestSegments:
         assert len({(line.get_color(), line.get_marker()) for line in samples}) == 3
         total = np.nansum([line.get_ydata() for line in weights], axis=0)
         np.testing.assert_allclose(total, 1, atol=1e-12)
+        assert min(np.nanmin(line.get_ydata()) for line in weights) > 0, "no line along zero"
+        assert bottom.get_ylim() == pytest.approx((0, 1), abs=0.1)
         assert [line.get_xdata()[0] for line in bottom.lines[3:]] == [0, 0.01, 0.03, 0.05]
         ends = [(zone.get_x(), zone.get_x() + zone.get_width()) for zone in top.patches]
         np.testing.assert_allclose(
