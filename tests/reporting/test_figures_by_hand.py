@@ -60,7 +60,9 @@ def test_models_that_are_far_off_do_not_set_the_scale_and_say_how_far_they_are(i
     assert [len(ax.named("plot")) for ax in (own, far)] == [2, 0]
     assert [len(ax.named("add_artist")) for ax in (own, far)] == [0, 2]
     largest = np.abs(inputs.errors_of("sarosi")).max()
-    words = [args[0] for ax in (own, far) for args, _ in ax.named("annotate")]
+    ((args, _),) = [call for ax in (own, far) for call in ax.named("annotate")]
+    words, place = [args[0]], args[1]
+    assert all(0 <= share <= 1 for share in place), "within the axes"
     assert words == [f"beyond the scale: up to {largest:.3g} N"]
     (held, *_) = fit.draw(replace(inputs, validation=validation))
     assert "Too far off for the scale: Sárosi." in held.caption
@@ -80,6 +82,8 @@ def test_bars_of_a_model_stand_around_its_row_the_held_out_one_above_and_solid(i
         for row, error in enumerate((2.2, 2.5, 7.0))
     ]
     assert max(look["markersize"] for _, look in ax.named("plot")) < 10, "lower than a bar"
+    assert not any(look["clip_on"] for _, look in ax.named("plot")), "whole at an error of zero"
+    assert all(args[2] < 0.36 and look["linewidth"] < 2 for args, look in bars)  # apart
     assert ax.named("set_xlim") == [((), {"left": 0})]
     assert not ax.named("axvline")
     words = [args[0].split(" (published ") for args, _ in ax.named("annotate")]
@@ -146,7 +150,7 @@ def test_shares_left_unexplained_are_between_powers_of_ten(inputs):
     assert ends == pytest.approx(ends.round(), abs=1e-9)
     shown = np.concatenate([line.get_xdata() for line in ax.lines])
     shown = shown[np.isfinite(shown)]
-    assert ends[0] <= np.log10(shown.min())
+    assert ends[0] <= np.log10(shown.min()) < ends[0] + 1.1
     assert ends[1] >= np.log10(shown.max()) > ends[1] - 1
 
 
@@ -252,6 +256,9 @@ def test_a_recording_has_an_axis_for_each_quantity_of_any_recording(inputs):
     ]
     assert figure.grid.stack == (1.0, 1.0)
     assert figure.grid.height == pytest.approx(0.3 + 2 * 0.95)
+    most = data.MOST_QUANTITIES
+    assert data._which(most) == "every quantity"
+    assert data._which(most + 1) == f"the target and {most - 1} of {most} other quantities"
 
 
 def test_a_drift_is_in_per_cent_of_the_first_campaign():

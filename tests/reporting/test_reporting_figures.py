@@ -90,6 +90,12 @@ class TestLabels:
             assert max((line.get_markersize() for line in lines), default=0.0) < 10
 
 
+def test_panels_of_errors_share_their_axes(every):
+    first, *others = every["error"].axes
+    for shared in (first.get_shared_x_axes(), first.get_shared_y_axes()):
+        assert all(shared.joined(first, ax) for ax in others)
+
+
 def test_the_own_model_always_looks_the_same_and_no_two_models_do():
     styles = style.model_styles(["mapmore", *"abcdef"])
     assert styles["mapmore"] == style.model_styles(["mapmore"])["mapmore"]

@@ -4,6 +4,7 @@ import math
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
@@ -20,7 +21,7 @@ from mapmore_cli.reporting.figures.panels import key
 from mapmore_cli.reporting.figures.sketch import Sketch
 from mapmore_cli.reporting.figures.sketched import _share_axes, sketched
 from mapmore_cli.reporting.figures.style import PLAIN
-from mapmore_cli.reporting.figures.surface import sheet_of
+from mapmore_cli.reporting.figures.surface import plane_of, sheet_of
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 from mapmore_cli.reporting.report import data_csv, numbers_of
@@ -254,6 +255,14 @@ def test_the_rim_of_a_surface_is_that_of_the_training_range(inputs):
             at = {"strain": ends + shift, "pressure": sheet.up[known, side]}
             assert (outside_range(model, at) == beyond).all()
         assert known.sum() > 50
+
+
+def test_there_is_no_surface_if_a_curve_lacks_an_input(inputs):
+    first, *others = inputs.dataset.curves
+    columns = {name: x for name, x in first.columns.items() if name != "strain"}
+    lacking = replace(inputs.dataset, curves=(*others, replace(first, columns=columns)))
+    assert plane_of(inputs).names == ("strain", "pressure")
+    assert plane_of(replace(inputs, whole=lacking)) is None
 
 
 @pytest.mark.parametrize(
