@@ -85,9 +85,14 @@ class TestLabels:
             texts = [text for text in figure.findobj(mpl.text.Text) if text.get_text()]
             assert min(text.get_fontsize() for text in texts) >= 7, name
             assert max(text.get_fontsize() for text in texts) < 12, name
-            handles = [one for legend in figure.legends for one in legend.legend_handles]
-            lines = [one for one in handles if isinstance(one, mpl.lines.Line2D)]
-            assert max((line.get_markersize() for line in lines), default=0.0) < 10
+
+    def test_lines_are_thin_marks_are_small_and_figures_are_lower_than_a_page(self, every):
+        for name, figure in every.items():
+            lines = figure.findobj(mpl.lines.Line2D)
+            assert max(line.get_linewidth() for line in lines) <= 2, name
+            dots = (line.get_markersize() for line in lines if line.get_marker() == "o")
+            assert max(dots, default=0.0) < (3 if name == "surface_3d" else 10), name
+            assert figure.get_figheight() < 9, name
 
 
 def test_panels_of_errors_share_their_axes(every):
