@@ -18,9 +18,10 @@ import pytest
 from common import process
 from numpy._core._exceptions import _ArrayMemoryError
 
-from mapmore_cli.cli.app import main
+from mapmore_cli.cli.app import _show_warning, main
 from mapmore_cli.domain import errors
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.plugins import PluginLeftOut
 from mapmore_cli.pipeline import runner
 
 COMMAND = [sys.executable, "-m", "mapmore_cli"]
@@ -183,6 +184,17 @@ def test_an_error_outside_of_a_command_is_one_message_and_no_document(
     printed = capsys.readouterr()
     assert (printed.out, "Traceback" in printed.err) == ("", False)
     assert printed.err.startswith("error: ")
+
+
+def test_only_warnings_about_plug_ins_have_the_form_of_the_program(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["mapmore", "run"])
+    _show_warning(UserWarning("odd"), UserWarning, "lib.py", 3)
+    assert capsys.readouterr().err.startswith("lib.py:3: UserWarning: odd")
+    left_out = PluginLeftOut("a plug-in is left out")
+    for option, printed in (("-v", f"warning: {left_out}\n"), ("-q", "")):
+        monkeypatch.setattr(sys, "argv", ["mapmore", "run", option])
+        _show_warning(left_out, PluginLeftOut, "plugins.py", 3)
+        assert capsys.readouterr().err == printed
 
 
 def test_broken_pipe(model_file):

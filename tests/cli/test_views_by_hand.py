@@ -4,6 +4,7 @@ import errno
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +15,8 @@ from mapmore_cli.checking.findings import Issue
 from mapmore_cli.cli import console
 from mapmore_cli.cli.compared import of_campaign, of_campaigns, of_comparisons, of_inspection
 from mapmore_cli.cli.console import print_document, settle, spec_of
-from mapmore_cli.cli.views import of_dataset, of_stage
-from mapmore_cli.domain.errors import DataError, WriteError
+from mapmore_cli.cli.views import _memory_tables, of_dataset, of_stage
+from mapmore_cli.domain.errors import DataError, UsageError, WriteError
 from mapmore_cli.pipeline.inspection import Inspection
 from mapmore_cli.storage import run_record
 from mapmore_cli.storage.run_record import Origin
@@ -128,6 +129,31 @@ def test_a_run_stands_for_its_spec_and_its_settings(tmp_path, monkeypatch):
     assert spec_of(Path("a"), ["y=2"], runs) == (Path("s.yaml"), ["x=1", "y=2"])
     for other in ("b", "c", "s.yaml"):
         assert spec_of(Path(other), ["y=2"], runs) == (Path(other), ["y=2"])
+
+
+def test_files_of_unknown_formats_are_refused():
+    console.refuse_endings([Path("a.svg"), Path("b.tex")])
+    with pytest.raises(UsageError, match=r"b\.doc"):
+        console.refuse_endings([Path("a.svg"), Path("b.doc")])
+
+
+def test_coefficients_of_a_model_with_memory_say_what_they_multiply():
+    states = SimpleNamespace(
+        resonances={}, ranges={}, step=0.1, ordered=False, scaled=True, names=("s",), margin=0.2,
+        low=np.array([-1.0]), high=np.array([3.0]),
+    )  # fmt: skip
+    memory = SimpleNamespace(
+        theta=np.array([2.0]), theta_error=np.array([0.1]), constant=1.5, terms=("p",),
+        states=states, output="motion", errors_note="A note.",
+    )  # fmt: skip
+    coefficients, of_states = _memory_tables(memory)
+    assert coefficients.rows == (("(constant)", 1.5, None), ("p", 2.0, 0.1))
+    assert coefficients.notes == ("Coefficients of scaled states. A note.",)
+    assert of_states.rows[0][0] == "s"
+    states.scaled, memory.constant = False, 0.0
+    (coefficients,) = _memory_tables(memory)
+    assert coefficients.rows == (("p", 2.0, 0.1),)
+    assert coefficients.notes == ("Coefficients in physical units. A note.",)
 
 
 def test_samples_at_rest_neither_train_nor_validate():

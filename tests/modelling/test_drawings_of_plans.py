@@ -69,6 +69,7 @@ def test_half_widths_over_two_quantities_are_colours():
     assert colours.get_array().tolist() == [3, 5, 4]
     dots = [(one.at["strain"], one.at["load"]) for one in CANDIDATES]
     assert marks(ax, style.VERMILLION) == [[dot] for dot in dots]
+    assert [text.get_text() for text in ax.texts] == ["1", "2", "3", "4"]
     assert [key.label for key in drawing.legend] == ["measured", "next"]
 
 

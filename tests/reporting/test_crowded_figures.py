@@ -29,7 +29,7 @@ def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
     with figure_style():
         drawn = drawings("fit", inputs)[0]
         figure = compose(drawn)
-        assert 0 < figure.get_figheight() - drawn.grid.height < 0.5, "room for the legend"
+        assert 0.3 < figure.get_figheight() - drawn.grid.height < 0.5, "room for the legend"
         (legend,) = figure.legends
         assert legend.get_window_extent().width <= figure.bbox.width
         assert not legend.get_frame_on()
@@ -94,7 +94,7 @@ def test_of_many_levels_some_are_marked_and_the_caption_says_how_many(inputs, mo
     _, drawing = courses_of(inputs)
     assert " 2 of 3 training levels are drawn" in drawing.caption
     figure = compose(drawing)
-    assert 0 < figure.get_figheight() - drawing.grid.height < 0.5, "without a legend"
+    assert 0 < figure.get_figheight() - drawing.grid.height < 0.3, "without a legend"
     marked = figure.axes[0].lines[1].get_xdata()
     assert marked.tolist() == [80, 350]
 

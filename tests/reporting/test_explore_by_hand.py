@@ -9,6 +9,7 @@ import pytest
 from common import curve_of
 from export_samples import SAROSI
 from report_builder import build
+from test_memory_report import report_of
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Quantity, Signal
@@ -65,6 +66,18 @@ def test_rates_are_per_second_of_the_clock_of_the_model(inputs):
     rate = Signal("strain_rate", "rate", "strain", 0.1, 2, factor=2.0, seconds=1e-3)
     study = data.study_of(replace(inputs, model=replace(inputs.model, signals=(rate,))), "a")
     assert study["signals"] == {"strain_rate": {"kind": "rate", "of": "strain", "factor": 0.002}}
+
+
+def test_inputs_over_time_swing_about_the_middle_of_their_range_in_periods_of_many_steps():
+    """The model has a time step of 0.01 s."""
+    study = data.study_of(running := report_of(["pressure", "motion[k-1]"]), "a")
+    low, high = data._span(running.dataset.curves, "pressure")
+    offset, amplitude = study["knobs"]["pressure"]
+    assert offset["value"] == pytest.approx((low + high) / 2, rel=1e-6)
+    assert amplitude["value"] == pytest.approx(0.4 * (high - low), rel=1e-6)
+    rate = study["frequency"]
+    assert rate["value"] == pytest.approx(1 / (500 * 0.01))
+    assert [rate["low"], rate["high"]] == pytest.approx([rate["value"] / 20, rate["value"] * 5])
 
 
 def spans_of(study):

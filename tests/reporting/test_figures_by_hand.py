@@ -27,9 +27,11 @@ from mapmore_cli.reporting.figures import (
     fit,
     nrmse,
     residual_map,
+    segments,
     sketch,
     sketched,
     style,
+    surface,
     terms,
 )
 from mapmore_cli.reporting.inputs import FigureStyle
@@ -77,6 +79,7 @@ def test_bars_of_a_model_stand_around_its_row_the_held_out_one_above_and_solid(i
     expected = [100 * scores[m, split] for m in inputs.models for split in ("validate", "train")]
     assert [args[1] for args, _ in bars] == pytest.approx(expected)
     assert [look["hatch"] is None for _, look in bars] == [True, False] * 3
+    assert [entry.look["hatch"] is None for entry in figure.legend[:2]] == [True, False]
     assert [args for args, _ in ax.named("plot")] == [
         (pytest.approx(error), pytest.approx(row - 0.18))
         for row, error in enumerate((2.2, 2.5, 7.0))
@@ -125,6 +128,9 @@ def test_errors_that_differ_by_more_than_twenty_times_are_on_a_logarithmic_axis(
     assert logarithmic or ax.yaxis.ends == (0.0, pytest.approx(1.05 * largest))
     assert not logarithmic or [*ax.yaxis.labels()] == [1, 2, 5, 10, 20]
     assert ax.xaxis.ends == pytest.approx((0, 2), abs=0.5)
+    for count in (1, 2):
+        some = replace(inputs.validation, bands=tuple(sizes[:count]))
+        assert len(bands.draw(replace(inputs, validation=some))) == count - 1
     words = [bands._short(value) for value in (999.4, 1000.0, 99_999.0, 1e5, 0.12345)]
     assert words == ["999", "1000", "99999", "1e+05", "0.123"]
 
@@ -141,6 +147,25 @@ def test_a_map_of_errors_has_rims_around_held_out_samples(mixed, monkeypatch):
     np.testing.assert_array_equal(small[3], errors[~held])
     limit = np.quantile(np.abs(errors), 0.98)
     assert (rimmed["vmin"], rimmed["vmax"]) == pytest.approx((-limit, limit))
+
+
+def test_dots_have_the_colours_of_the_surface_at_their_values(inputs, monkeypatch):
+    monkeypatch.setattr(surface, "colour_bar", lambda *_: None)
+    (figure,) = surface.draw(inputs)
+    ax = calls_of(figure.panels[0])
+    ((_, areas),), ((_, dots),) = ax.named("contourf"), ax.named("scatter")
+    assert (dots["vmin"], dots["vmax"]) == (areas["levels"][0], areas["levels"][-1])
+    assert dots["cmap"] == areas["cmap"]
+
+
+def test_figures_of_segments_are_named_by_their_variable(inputs):
+    names = [figure.name for figure in segments.draw(inputs)]
+    assert names == ["segments", "segments_levels"]
+    fusion = inputs.model.body.fusion
+    both = [replace(curve, boundaries=2 * curve.boundaries, variables=("strain", "strain"))
+            for curve in inputs.segmentation]  # fmt: skip
+    study = replace(inputs, segmentation=tuple(both))
+    assert segments._variable_figure(study, fusion, 1, "strain").name == "segments_strain"
 
 
 def test_shares_left_unexplained_are_between_powers_of_ten(inputs):
@@ -330,6 +355,9 @@ def test_a_sketch_draws_bars_areas_and_dots_at_their_places():
     )  # fmt: skip
     assert '<circle cx="10.0" cy="20.0" r="2" fill="#f7fbff"/>' in dots
     assert 'stroke="#333333" stroke-width="0.3"' in dots
+    line = ([0.0, 1.0], [0.0, 2.0], "--")
+    assert 'd="M0 0l10 20" ' in svg_of(("plot", line, {}))[1]
+    assert "stroke-dasharray" in svg_of(("plot", line, {}))[1]
     limits = ("set_xlim", (2.0, 6.0), {}), ("set_ylim", (1.0, 4.0), {})
     for name, args, line in (
         ("axhline", (3.0,), "M20 30l40 0"),

@@ -90,8 +90,9 @@ class TestLabels:
         for name, figure in every.items():
             lines = figure.findobj(mpl.lines.Line2D)
             assert max(line.get_linewidth() for line in lines) <= 2, name
-            dots = (line.get_markersize() for line in lines if line.get_marker() == "o")
-            assert max(dots, default=0.0) < (3 if name == "surface_3d" else 10), name
+            marked = [line for line in lines if line.get_marker() in elements.SHAPES]
+            most = 3 if name == "surface_3d" else 10
+            assert max((line.get_markersize() for line in marked), default=0.0) < most, name
             assert figure.get_figheight() < 9, name
 
 

@@ -313,8 +313,8 @@ def test_limits_of_a_model_that_contains_others_are_those_of_each():
 
     whole, part = model("whole"), model("part")
     whole.each, whole.every = [whole], [whole, part]
-    titles = [table.title.partition(" (")[2] for table in limits_tables(whole)]
-    assert titles == ["", "part)"]
+    made = [(table.name, table.title.partition(" (")[2]) for table in limits_tables(whole)]
+    assert made == [("limits", ""), ("limits_1", "part)")]
     whole.each = [part, model("other")]  # two outputs have the same ranges
     assert [table.rows for table in limits_tables(whole)] == [(("c", 0, 2),)]
 
