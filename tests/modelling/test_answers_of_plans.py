@@ -1,15 +1,18 @@
 """What a person gives to `plan` and `tune`, and how trials are compared."""
 
 import re
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from common import dataset_of
 
-from mapmore_cli.annexes.planning import commands, tuning
+from mapmore_cli.annexes.planning import commands, planning, tuning
 from mapmore_cli.annexes.planning.commands import _prices_of, _values_of
 from mapmore_cli.annexes.planning.planning import _size_of
-from mapmore_cli.annexes.planning.results import Trial
+from mapmore_cli.annexes.planning.results import Candidate, Trial
 from mapmore_cli.annexes.planning.tuning import _ranked
 from mapmore_cli.domain.errors import FitError, UsageError
 from mapmore_cli.reporting.table import Table
@@ -40,6 +43,50 @@ def test_sizes_are_numbers_or_shares_of_the_largest_value():
     for text in ("", "%", "0", "-2%", "inf", "nan", "2 N"):
         with pytest.raises(UsageError, match="--until"):
             _size_of(text, 300.0)
+
+
+@pytest.mark.parametrize(("kind", "until"), [("auto", "fuse"), ("pieces", "ingest")])
+def test_a_structure_is_searched_before_the_plan_and_everything_else_is_only_read(
+    kind, until, monkeypatch
+):
+    calls = []
+    loaded = SimpleNamespace(spec=SimpleNamespace(model=SimpleNamespace(type=kind), name="a"))
+    columns = {"strain": np.array([0.0, 0.1]), "y": np.array([50.0, -200.0])}
+    dataset = dataset_of(columns)
+    files = SimpleNamespace(dataset=lambda: dataset)
+    result = (Candidate({"strain": 0.1}, "point"),), None, None, ()
+
+    def planned(_choices, _whole, count, wanted, _prices):
+        calls.append((count, wanted))
+        return result
+
+    def bring(_loaded, _runs, stage):
+        calls.append(stage)
+        return SimpleNamespace(run_dir=Path())
+
+    monkeypatch.setattr(planning, "bring_up_to_date", bring)
+    monkeypatch.setattr(planning, "as_found", lambda loaded, _: loaded)
+    monkeypatch.setattr(planning, "_plannable", lambda _: calls.append("checked"))
+    monkeypatch.setattr(planning, "RunFiles", lambda _: files)
+    monkeypatch.setattr(planning, "of_points", planned)
+    monkeypatch.setattr(planning, "_of_levels", lambda *_: calls.append("levels") or result)
+
+    def plan(points=None, until=None):
+        return planning.plan(loaded, Path(), points=points, until=until, prices={})
+
+    made = plan()
+    before = ["checked"] if until == "ingest" else []
+    assert calls == [*before, until, "checked", (5, None)]
+    assert (made.largest, [*made.quantities]) == (200, ["strain"])
+    plan(points=7, until="2%")
+    assert calls[-1] == (7, 4.0)
+    dataset = replace(dataset, level="strain")
+    plan()
+    assert calls[-1] == "levels"
+    with pytest.raises(UsageError, match="--until"):
+        plan(until="2%")
+    plan(points=3, until="1")
+    assert calls[-1] == (3, 1)
 
 
 def trial(parameters, *errors, failure=""):

@@ -80,6 +80,16 @@ def test_inputs_over_time_swing_about_the_middle_of_their_range_in_periods_of_ma
     assert [rate["low"], rate["high"]] == pytest.approx([rate["value"] / 20, rate["value"] * 5])
 
 
+def test_a_page_draws_over_the_input_that_varies_within_a_curve(inputs):
+    """Whichever input the model names first; over the first one if none of them varies."""
+    for order in (inputs.model.inputs, inputs.model.inputs[::-1]):
+        study = replace(inputs, model=replace(inputs.model, inputs=order))
+        assert data.study_of(study, "a")["along"] == "strain"
+    validation = replace(inputs.validation, along="force")
+    first = data.study_of(replace(inputs, validation=validation), "a")["along"]
+    assert first == inputs.model.inputs[0].name
+
+
 def spans_of(study):
     curves = study.dataset.curves
     return {one.name: data._span(curves, one.name) for one in study.model.inputs}

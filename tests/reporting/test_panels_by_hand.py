@@ -9,6 +9,7 @@ import pytest
 from common import curve_of
 from report_builder import Recorder
 
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.reporting.figures import fit, panels, sketched, style
 from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
 from mapmore_cli.reporting.figures.sketch import Sketch
@@ -242,6 +243,14 @@ def test_the_models_of_a_figure():
     assert ReportInputs.lines.fget(inputs) == ("own", *"abcde", "cubic")
     inputs.pooled_errors = {"own": 0.0, "a": 1.0}
     assert ReportInputs.far_off.fget(inputs) == ()
+
+
+def test_intervals_belong_to_the_output_of_the_model_and_to_no_other_quantity():
+    force, strain = Quantity("force", "N"), Quantity("strain", "1")
+    model = SimpleNamespace(output=force, left_out="errors")
+    for target, left_out in ((force, "errors"), (strain, None)):
+        inputs = SimpleNamespace(model=model, target=target)
+        assert ReportInputs.left_out.fget(inputs) == left_out
 
 
 @pytest.mark.parametrize(("runs", "spans"), [(6, 6), (7, 0)])

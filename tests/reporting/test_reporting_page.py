@@ -197,6 +197,9 @@ def test_says_what_it_should(page, inputs):
         *inputs.dataset.notes,
     ):
         assert words in page.text
+    (own,) = (row for row in inputs.validation.scores
+              if (row.model, row.split, row.curve) == ("mapmore", "validate", "all"))  # fmt: skip
+    assert f"Its RMSE is {own.rmse:.3g} N" in page.text
     assert inputs.spec_text in page.text
     assert inputs.equations[0].text in page.text
 

@@ -241,6 +241,9 @@ def test_a_region_ends_where_its_quantity_crosses_the_level():
     regions = outlines_above(x, heights, parted, 1.1)
     assert [(min(up), max(up)) for _, up in regions] == [(0.0, 0.375), (0.625, 1.0)]
     assert outlines_above(x, heights, np.full(x.shape, np.nan), 1.1) == []
+    peak = np.array([[-20.0, 0.0, 5.0, 0.0, -20.0]] * 2)  # crossed halfway to the next neighbours
+    ((across, _),) = outlines_above(np.array([np.arange(5.0)] * 2), np.arange(2.0), peak, 2.5)
+    assert across == [1.5, 1.5, 2.5, 2.5]
     level_ground = outlines_above(np.array([[0, 1, 2]] * 2), np.arange(2), np.zeros((2, 3)), 0)
     assert level_ground == [([0, 0, 2, 2], [0, 1, 1, 0])]
 
