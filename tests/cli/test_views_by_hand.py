@@ -71,6 +71,7 @@ def test_cautions_about_a_comparison():
     alone = "w: is only in new, and was not compared."
     assert whole.lines[1:] == (f"x: {shown.lines[1]}", alone)
     assert whole.document["only_in"] == {"w": "new"}
+    assert (whole.document["before"], whole.document["after"]) == ("old@1", "new")
     ratios = {run["run"]: run["ratio"] for run in whole.document["runs"]}
     assert ratios == {"x": 1.056, "y": 1.056, "z": 1.0}
 
@@ -168,8 +169,11 @@ def test_the_files_of_a_report_are_listed_in_the_order_of_the_alphabet(tmp_path)
     for path in paths:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
-    files = of_stage("report", tmp_path).document["files"]
-    assert files == tuple(sorted(map(str, paths)))
+    listed = tuple(sorted(map(str, paths)))
+    shown = of_stage("report", tmp_path)
+    assert shown.document["files"] == shown.lines == listed
+    (tmp_path / "report" / "index.html").touch()
+    assert of_stage("report", tmp_path).lines == (f"page: {tmp_path / 'report' / 'index.html'}",)
 
 
 def test_records_are_shown_by_their_stages(tmp_path, mapmore):

@@ -7,8 +7,9 @@ import pytest
 
 from mapmore_cli.annexes.planning.drawing import drawing_of
 from mapmore_cli.annexes.planning.results import Candidate, Picture, Plan, Trial, Tuning, Until
-from mapmore_cli.annexes.planning.views import of_plan, of_tuning
+from mapmore_cli.annexes.planning.views import of_plan, of_search, of_tuning
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.drawing import compose
 
@@ -106,6 +107,20 @@ def test_every_combination_has_a_row_with_its_mark():
     trial = view.document["trials"][0]
     assert (trial["set"], trial["above_best"], trial["folds"]) == (ONE.settings, 0.3, (0.2,))
     assert [one["failure"] for one in view.document["trials"]] == [None, None, None, "too few"]
+
+
+def test_the_structure_that_was_found_is_the_best_or_as_good():
+    tried = tuple(
+        Tried("map", name, {}, 3, (error,), error, error, excess=0.0, spread=0.0)
+        for name, error in (("short", 0.2), ("long", 0.1))
+    )
+    search = Search("s", "y", "levels", "inner levels", 12.0, tried, 1, 1, "why", notes=("n",))
+    found = search.found.words
+    for chosen, words in ((1, "the best itself"), (0, "as good as the best")):
+        view = of_search(replace(search, chosen=chosen), "s.yaml")
+        found = replace(search, chosen=chosen).found.words
+        assert view.lines == ("n", f"found: {found} ({words})", "spec: s.yaml")
+    assert view.document["spec"] == "s.yaml"
 
 
 @pytest.mark.parametrize(

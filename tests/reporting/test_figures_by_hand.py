@@ -200,9 +200,14 @@ def test_figures_of_curves_that_are_held_out_in_part_show_which_samples(mixed):
     figure, training = fit.draw(study)
     assert figure.panels[0].draw.keywords == {"words": ("held out", "training")}
     assert "Filled dots and grey bands mark held-out samples" in figure.caption
-    ((data,),) = ([panel.data for panel in training.panels],)
-    assert {*data["data"]} == {"train"}
-    assert len(data["data"]) == sum(curve.training.sum() for curve in curves)
+    (panel,) = training.panels
+    assert {*panel.data["data"]} == {"train"}
+    assert len(panel.data["data"]) == sum(curve.training.sum() for curve in curves)
+    own = [name for name in panel.data if name.endswith("[N]")]
+    assert own == ["force [N]", "mapmore [N]"]
+    for name, words in (("fit", "held-out curves"), ("training", "training curves")):
+        (drawn,) = fit.curve_figures(study, name, [0])
+        assert f"force of the {words}, predicted minus measured below" in drawn.caption
 
 
 def test_a_model_without_pieces_is_named_in_the_caption(inputs):

@@ -100,6 +100,9 @@ def test_panels_of_errors_share_their_axes(every):
     first, *others = every["error"].axes
     for shared in (first.get_shared_x_axes(), first.get_shared_y_axes()):
         assert all(shared.joined(first, ax) for ax in others)
+    labels = [bool(ax.get_ylabel()) for ax in every["error"].axes]
+    assert labels == [True, False, False], "a label beside the first panel is for all"
+    assert all(ax.get_ylabel() for ax in every["residuals"].axes)
 
 
 def test_the_own_model_always_looks_the_same_and_no_two_models_do():
