@@ -433,6 +433,7 @@ def test_panels_stand_in_rows_of_three_or_of_two_if_they_are_four():
         assert (plan.columns, plan.width) == (columns, 3.5 if count == 1 else drawing.DOUBLE)
         narrow = drawing.arranged(figure, style.PLAIN, width=drawing.DOUBLE * 0.7)
         assert narrow.columns == max(1, int(columns * 0.7))
+    assert 1 < drawing.Layout().height < 3
     # the space between the two columns of a page is small
     assert 0 < drawing.DOUBLE - 2 * 3.5 < 0.3
 

@@ -94,6 +94,8 @@ class TestLabels:
             most = 3 if name == "surface_3d" else 10
             assert max((line.get_markersize() for line in marked), default=0.0) < most, name
             assert figure.get_figheight() < 9, name
+            for legend in figure.legends:
+                assert legend.get_window_extent().width <= figure.bbox.width, name
 
 
 def test_panels_of_errors_share_their_axes(every):
@@ -103,6 +105,7 @@ def test_panels_of_errors_share_their_axes(every):
     labels = [bool(ax.get_ylabel()) for ax in every["error"].axes]
     assert labels == [True, False, False], "a label beside the first panel is for all"
     assert all(ax.get_ylabel() for ax in every["residuals"].axes)
+    assert len({ax.get_xlim() for ax in every["residuals"].axes}) == 2  # lags, and an input
 
 
 def test_the_own_model_always_looks_the_same_and_no_two_models_do():
