@@ -210,6 +210,19 @@ def test_figures_of_curves_that_are_held_out_in_part_show_which_samples(mixed):
         assert f"force of the {words}, predicted minus measured below" in drawn.caption
 
 
+def test_recordings_over_time_stand_below_each_other_in_the_whole_width(mixed):
+    curves = [
+        replace(curve, columns=curve.columns | {"time": np.arange(curve.size) * 0.1})
+        for curve in mixed.dataset.curves
+    ]
+    whole = replace(mixed.dataset, curves=tuple(curves))
+    (figure,) = fit.curve_figures(replace(mixed, whole=whole, as_recorded=True), "fit", [0, 1])
+    plan = drawing.arranged(figure, style.PLAIN)
+    assert (plan.columns, plan.width) == (1, drawing.DOUBLE)
+    assert figure.panels[0].x_label == "Time (s)"
+    assert "grey where samples are used for training" in figure.caption
+
+
 def test_a_model_without_pieces_is_named_in_the_caption(inputs):
     assert fit.own_words(inputs) == ""
     formula = replace(inputs, model=FORMULAS["sarosi"])

@@ -116,6 +116,7 @@ def test_the_own_model_always_looks_the_same_and_no_two_models_do():
     own, *others = styles.values()
     assert all(own.width > other.width >= 1 for other in others)
     assert own.width < 2
+    assert others[0].colour == style.BLUE
     assert own.zorder < min(other.zorder for other in others), "seen below the dashed lines"
     assert all(max(other.dashes[1]) < 10 for other in others)
 
