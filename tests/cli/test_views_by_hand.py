@@ -72,6 +72,7 @@ def test_cautions_about_a_comparison():
     assert whole.lines[1:] == (f"x: {shown.lines[1]}", alone)
     assert whole.document["only_in"] == {"w": "new"}
     assert (whole.document["before"], whole.document["after"]) == ("old@1", "new")
+    assert whole.tables[0].title == "Every model against old@1"
     ratios = {run["run"]: run["ratio"] for run in whole.document["runs"]}
     assert ratios == {"x": 1.056, "y": 1.056, "z": 1.0}
 

@@ -131,6 +131,38 @@ def test_a_combination_is_tried_on_every_fold(monkeypatch, errors, failure):
     assert tuning._try_settings({}, "choices", folds) == Trial({}, failure="is singular")
 
 
+@pytest.mark.parametrize(
+    ("levels", "each", "held", "by_level"),
+    [
+        (None, True, None, False),
+        ("pressure", False, None, False),
+        ("pressure", True, None, True),
+        ("pressure", False, ("pressure",), True),
+        ("pressure", False, ("time",), False),
+    ],
+)
+def test_levels_are_left_out_if_the_study_holds_out_levels(
+    levels, each, held, by_level, monkeypatch
+):
+    hold_out = None if held is None else SimpleNamespace(quantities=held)
+    data = SimpleNamespace(
+        split=SimpleNamespace(leave_one_level_out=each, hold_out=hold_out),
+        levels=None if levels is None else SimpleNamespace(of=levels),
+    )
+    validation = SimpleNamespace(normaliser="max")
+    loaded = SimpleNamespace(spec=SimpleNamespace(data=data, validation=validation, name="a"))
+    nothing = lambda *_, **__: SimpleNamespace(run_dir=Path())  # noqa: E731
+    for name in ("refuse_several_targets", "bring_up_to_date", "model_choices"):
+        monkeypatch.setattr(tuning, name, nothing)
+    monkeypatch.setattr(tuning, "RunFiles", lambda _: SimpleNamespace(dataset=lambda: None))
+    monkeypatch.setattr(tuning, "training_only", nothing)
+    monkeypatch.setattr(tuning, "_variants", lambda *_: [])
+    monkeypatch.setattr(tuning, "shared_out", lambda *_: [])
+    monkeypatch.setattr(tuning, "folds_of", lambda *of: of)
+    monkeypatch.setattr(tuning, "_ranked", lambda _name, folds, _trials: folds)
+    assert tuning.tune(loaded, {}, Path(), progress=print)[2:] == ("max", by_level)
+
+
 def test_tables_and_drawings_are_written_by_their_endings(tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(commands, "write_figure", lambda path, figure: drawn.append((path, figure)))

@@ -176,6 +176,7 @@ def test_shares_left_unexplained_are_between_powers_of_ten(inputs):
     shown = np.concatenate([line.get_xdata() for line in ax.lines])
     shown = shown[np.isfinite(shown)]
     assert ends[0] <= np.log10(shown.min()) < ends[0] + 1.1
+    assert {*figure.panels[0].data["step"]} == {1}  # every segment has one term
     assert ends[1] >= np.log10(shown.max()) > ends[1] - 1
 
 
@@ -337,6 +338,7 @@ def test_levels_are_blue_from_pale_to_dark_and_a_palette_is_used_again():
     nested = "$" + "{" * 10 + "x" + "}" * 10 + "$"
     assert style.wrong_formula(nested) is None
     assert "nested 11 levels deep" in style.wrong_formula(nested.replace("x", "{x}"))
+    assert "Expected" in style.wrong_formula(r"$\frac{1}$")
 
 
 def test_colours_of_a_map_lie_between_its_neighbours():
@@ -364,6 +366,9 @@ def test_a_sketch_draws_bars_areas_and_dots_at_their_places():
     ax, bar = svg_of(("barh", (3.0, 5.0, 1.0), look))
     assert '<rect x="0.00" y="25.00" width="50.00" height="10.00"' in bar
     assert (ax.yaxis.low, ax.yaxis.high, ax.xaxis.low, ax.xaxis.high) == (2.5, 3.5, 0, 5)
+    hatched = elements.face({"facecolor": "white", "edgecolor": "#222", "hatch": "//"})
+    assert ("opacity" in bar, "#111" in bar) == (False, True)
+    assert hatched.startswith('fill="#222" fill-opacity=".')  # pale
     ends = np.array([0.0, 1, 2, 3]), np.array([1.0, np.nan, 1, 1]), 2.0
     _, area = svg_of(("fill_between", ends, {"color": "#333", "alpha": 0.5}))
     assert 'd="M0 10l0 10ZM20 10l10 0l0 10l-10 0Z" fill="#333" fill-opacity="0.5"' in area

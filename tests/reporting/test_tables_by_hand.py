@@ -12,7 +12,7 @@ from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import ErrorBand, Outlier, Search, Tried
 from mapmore_cli.domain.scores import REPEATABILITY, Score
-from mapmore_cli.reporting import summary
+from mapmore_cli.reporting import sections, summary
 from mapmore_cli.reporting.fit_tables import (
     coefficients_table,
     outliers_table,
@@ -317,6 +317,27 @@ def test_limits_of_a_model_that_contains_others_are_those_of_each():
     assert made == [("limits", ""), ("limits_1", "part)")]
     whole.each = [part, model("other")]  # two outputs have the same ranges
     assert [table.rows for table in limits_tables(whole)] == [(("c", 0, 2),)]
+
+
+def test_the_section_of_a_kind_of_model_stands_before_the_folded_sections(monkeypatch):
+    class Kind:
+        def section(self):
+            return sections.PageSection("own", "Own")
+
+    monkeypatch.setattr(sections, "shown_by", {"fit": Kind()}.get)
+    found = sections.sections_of(SimpleNamespace(fits={"a": "fit", "b": "fit", "c": None}))
+    folded = [section.folded for section in found if section.id != "own"]
+    place = [section.id for section in found].index("own")
+    assert (len(found), folded.index(True)) == (len(sections.SECTIONS) + 1, place)
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_levels_are_compared_with_a_single_valued_curve_unless_drawn_over_time(timed, monkeypatch):
+    monkeypatch.setattr(sections.tables, "levels_table", lambda _data, along, _whole: along)
+    monkeypatch.setattr(sections.tables, "recordings_table", lambda _whole: "recordings")
+    strain = Quantity("strain", "1")
+    inputs = SimpleNamespace(timed=timed, in_curve=strain, dataset=None, whole=None)
+    assert [*sections._of_data(inputs)] == [None if timed else "strain", "recordings"]
 
 
 @pytest.mark.parametrize(("count", "more"), [(4, False), (5, True)])
