@@ -75,7 +75,7 @@ def _function(name: str) -> Callable[..., None]:
     return cast(Callable[..., None], plugins.load("commands", name))
 
 
-def _command(name: str, function: Callable[..., None], any_line: bool = False) -> Command:
+def _command(name: str, function: Callable[..., None], any_line: bool) -> Command:
     """Return a command that calls a function. With `any_line`, the command accepts all arguments
     and options; this is used for commands that only report an error.
     """
@@ -124,7 +124,7 @@ class Commands(TyperGroup):
         self.list_commands(ctx)
         if cmd_name in self.commands and not self.commands[cmd_name]:
             try:
-                self.commands[cmd_name] = _command(cmd_name, _function(cmd_name))
+                self.commands[cmd_name] = _command(cmd_name, _function(cmd_name), any_line=False)
             except plugins.NotInstalled as fault:
                 self.commands[cmd_name] = _absent(cmd_name, fault)
         return super().get_command(ctx, cmd_name)

@@ -155,7 +155,7 @@ def _samples(inputs: ReportInputs, spans: Mapping[str, Ends]) -> dict[str, Any]:
     places = inputs.pooled(inputs.along.name)
     middles = [middle_of(rows, places[rows]) for rows in groups if len(rows)]
     shown = parts[1] if middles else parts[0]
-    errors = np.nan_to_num(np.abs(inputs.errors_of(inputs.own)[shown]), nan=-1.0)
+    errors = np.nan_to_num(np.abs(inputs.errors_of(inputs.own)[shown]), nan=-np.inf)
     worst = "Worst held-out sample" if middles else "Worst sample"
     buttons = {"Held-out curve": middles[1:] + middles[:1], worst: [shown[np.argmax(errors)]]}
     start = pooled[:-1, middles[0]] if middles else map(np.mean, spans.values())

@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 import pytest
 from cli_samples import write_study
 
+from mapmore_cli.cli.clean import _unnamed
 from mapmore_cli.storage import ownership
 from mapmore_cli.storage.ownership import contents_of, remove_own
 
@@ -143,6 +144,14 @@ def test_what_is_not_ours_keeps_the_run_and_is_named(make, runs, cleaned):
 def test_contents_decide_where_nothing_can_be_brought_back(runs, cleaned):
     name = same_size_and_time(runs / "bench", "report/index.html")
     assert cleaned("--yes", "--now")["kept"] == {str(runs / "bench"): [name]}
+
+
+def test_runs_without_a_spec_are_listed_in_the_order_of_the_alphabet(tmp_path, monkeypatch):
+    monkeypatch.setattr("mapmore_cli.storage.run_record.load_origin", lambda _folder: True)
+    for name in ("d", "b", "f", "a", "e", "c"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "a")
+    assert [folder.name for folder in _unnamed(tmp_path, {"c", "none"})] == [*"abdef"]
 
 
 def test_a_copy_of_a_run_is_the_users(runs, cleaned):

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 from cli_samples import CHANGED, change_forces, write_study
 
-from mapmore_cli.cli.compare import _of_models, compare
+from mapmore_cli.cli.compare import _of_campaigns, _of_models, compare
 from mapmore_cli.cli.console import View
 from mapmore_cli.domain.errors import LimitMissed, UsageError
 
@@ -197,6 +197,15 @@ def test_a_campaign_is_frozen_and_compared_run_by_run(campaigns, mapmore, tmp_pa
         code=4,
         says="does not contain the names of the campaign's runs",
     )
+
+
+def test_runs_of_only_one_campaign_are_named_in_the_order_of_the_alphabet(monkeypatch):
+    monkeypatch.setattr("mapmore_cli.pipeline.archive.compared", lambda *_: CHANGED)
+    before, after = dict.fromkeys("hcagm", Path()), dict.fromkeys("dbmfe", Path())
+    results, only_in = _of_campaigns(["x@1", "x"], [before, after], 0.02, other_settings=False)
+    assert [*results] == ["m"]
+    assert "".join(only_in) == "abcdefgh"
+    assert [name for name, of in only_in.items() if of == "x@1"] == [*"acgh"]
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import re
 import signal
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from subprocess import PIPE
 
@@ -17,8 +18,10 @@ import pytest
 from common import process
 from numpy._core._exceptions import _ArrayMemoryError
 
+from mapmore_cli.cli.app import _show_warning, main
 from mapmore_cli.domain import errors
 from mapmore_cli.domain.errors import DataError
+from mapmore_cli.domain.plugins import PluginLeftOut
 from mapmore_cli.pipeline import runner
 
 COMMAND = [sys.executable, "-m", "mapmore_cli"]
@@ -162,6 +165,36 @@ def test_interrupted_before_the_command(error, code, last, tmp_path):
     ]
     done = process(*command, env={"PYTHONPATH": search})
     assert (done.returncode, done.stderr.splitlines()[-1]) == (code, last)
+
+
+@pytest.mark.parametrize(("error", "code"), [(OSError(errno.ENOSPC, "x"), 7), (MemoryError(), 1)])
+def test_an_error_outside_of_a_command_is_one_message_and_no_document(
+    error, code, capsys, monkeypatch
+):
+    def fail(**_):
+        raise error
+
+    monkeypatch.setattr("mapmore_cli.cli.app.app", fail)
+    monkeypatch.setattr("mapmore_cli.cli.console._silence_stdout", lambda: None)
+    monkeypatch.setattr(os, "dup2", lambda *_: None)
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == code
+    printed = capsys.readouterr()
+    assert (printed.out, "Traceback" in printed.err) == ("", False)
+    assert printed.err.startswith("error: ")
+
+
+def test_only_warnings_about_plug_ins_have_the_form_of_the_program(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["mapmore", "run"])
+    _show_warning(UserWarning("odd"), UserWarning, "lib.py", 3)
+    assert capsys.readouterr().err.startswith("lib.py:3: UserWarning: odd")
+    left_out = PluginLeftOut("a plug-in is left out")
+    for option, printed in (("-v", f"warning: {left_out}\n"), ("-q", "")):
+        monkeypatch.setattr(sys, "argv", ["mapmore", "run", option])
+        _show_warning(left_out, PluginLeftOut, "plugins.py", 3)
+        assert capsys.readouterr().err == printed
 
 
 def test_broken_pipe(model_file):

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import threading
 import warnings
 
 import pytest
@@ -58,16 +59,34 @@ def test_plain_lines_where_stderr_is_no_terminal(clock, capsys):
     assert capsys.readouterr().err == "".join(lines)
 
 
+def test_progress_is_shown_after_a_second_and_then_every_five_seconds(clock, capsys):
+    with Reporter() as reporter:
+        for done, wait in enumerate((0.0, 1.0, 4.5, 0.5)):
+            clock.now += wait
+            reporter.progress("fit", done, 9)
+    assert capsys.readouterr().err == "fit: 1 of 9\nfit: 3 of 9\n"
+
+
 @pytest.mark.usefixtures("terminal")
 def test_a_bar_on_a_terminal_is_gone_at_the_end(clock, capsys):
     with Reporter() as reporter:
         work(reporter, clock)
+        assert threading.active_count() == 1, "only the computation takes processor time"
         reporter.warn("few samples")
     err = capsys.readouterr().err
     assert "━" in err
     assert "\x1b[3" in err  # in colour
     assert err.endswith("warning: few samples\n")
-    assert "\x1b[2K" in err  # the bar is erased before the warning
+    assert "\x1b[2K" in err.rpartition("━")[2]  # the bar is erased before the warning
+
+
+@pytest.mark.usefixtures("terminal")
+def test_a_bar_moves_ten_times_in_a_second(clock, capsys):
+    with Reporter() as reporter:
+        for done in range(101):
+            reporter.progress("fit", done, 100)
+            clock.now += 0.02
+    assert capsys.readouterr().err.count("fit") == pytest.approx(10, abs=2)
 
 
 def test_quiet_is_silent_but_for_failures(clock, capsys):

@@ -75,6 +75,7 @@ def test_variables_are_allowed_anywhere_on_the_line(mapmore, monkeypatch):
 def test_every_command_has_help(command, mapmore):
     result = mapmore(command, "--help", code=0)
     assert result.stdout.startswith(f"Usage: mapmore {command}")
+    assert "--install-completion" not in result.stdout, "an option of `mapmore` alone"
 
 
 def test_shell_completion_knows_the_commands():

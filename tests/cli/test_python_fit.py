@@ -217,6 +217,7 @@ def test_a_summary_has_what_a_regression_table_has():
     assert f"AIC {aic:.6g}, BIC {bic:.6g}" in repr(summary)
     assert repr(summary).count("n = 40 training samples") == repr(summary).count("AIC") == 1
     assert "<table " in summary._repr_html_()
+    assert not any(": " in row["part"] for row in summary.records), "one output needs no name"
     (equation,) = [note for note in summary.notes if note.startswith("In physical units")]
     assert equation.endswith(model.equations[0].text)
     by_curve = replace(model.spec.fit, weight="curve")

@@ -4,6 +4,7 @@ import errno
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +15,8 @@ from mapmore_cli.checking.findings import Issue
 from mapmore_cli.cli import console
 from mapmore_cli.cli.compared import of_campaign, of_campaigns, of_comparisons, of_inspection
 from mapmore_cli.cli.console import print_document, settle, spec_of
-from mapmore_cli.cli.views import of_dataset
-from mapmore_cli.domain.errors import DataError, WriteError
+from mapmore_cli.cli.views import _memory_tables, of_dataset, of_stage
+from mapmore_cli.domain.errors import DataError, UsageError, WriteError
 from mapmore_cli.pipeline.inspection import Inspection
 from mapmore_cli.storage import run_record
 from mapmore_cli.storage.run_record import Origin
@@ -70,6 +71,8 @@ def test_cautions_about_a_comparison():
     alone = "w: is only in new, and was not compared."
     assert whole.lines[1:] == (f"x: {shown.lines[1]}", alone)
     assert whole.document["only_in"] == {"w": "new"}
+    assert (whole.document["before"], whole.document["after"]) == ("old@1", "new")
+    assert whole.tables[0].title == "Every model against old@1"
     ratios = {run["run"]: run["ratio"] for run in whole.document["runs"]}
     assert ratios == {"x": 1.056, "y": 1.056, "z": 1.0}
 
@@ -130,11 +133,48 @@ def test_a_run_stands_for_its_spec_and_its_settings(tmp_path, monkeypatch):
         assert spec_of(Path(other), ["y=2"], runs) == (Path(other), ["y=2"])
 
 
+def test_files_of_unknown_formats_are_refused():
+    console.refuse_endings([Path("a.svg"), Path("b.tex")])
+    with pytest.raises(UsageError, match=r"b\.doc"):
+        console.refuse_endings([Path("a.svg"), Path("b.doc")])
+
+
+def test_coefficients_of_a_model_with_memory_say_what_they_multiply():
+    states = SimpleNamespace(
+        resonances={}, ranges={}, step=0.1, ordered=False, scaled=True, names=("s",), margin=0.2,
+        low=np.array([-1.0]), high=np.array([3.0]),
+    )  # fmt: skip
+    memory = SimpleNamespace(
+        theta=np.array([2.0]), theta_error=np.array([0.1]), constant=1.5, terms=("p",),
+        states=states, output="motion", errors_note="A note.",
+    )  # fmt: skip
+    coefficients, of_states = _memory_tables(memory)
+    assert coefficients.rows == (("(constant)", 1.5, None), ("p", 2.0, 0.1))
+    assert coefficients.notes == ("Coefficients of scaled states. A note.",)
+    assert of_states.rows[0][0] == "s"
+    states.scaled, memory.constant = False, 0.0
+    (coefficients,) = _memory_tables(memory)
+    assert coefficients.rows == (("p", 2.0, 0.1),)
+    assert coefficients.notes == ("Coefficients in physical units. A note.",)
+
+
 def test_samples_at_rest_neither_train_nor_validate():
     made = dataset_of({"x": np.arange(6.0)}, output="x", held_out=np.arange(6) > 3)
     curve = replace(made.curves[0], at_rest=np.arange(6) < 3)
     (shown,) = of_dataset(replace(made, curves=(curve,))).document["curves"]
     assert (shown["train"], shown["validate"]) == (1, 2)
+
+
+def test_the_files_of_a_report_are_listed_in_the_order_of_the_alphabet(tmp_path):
+    paths = [tmp_path / "report" / name for name in ("c.csv", "d/x", "a.svg", "b.html", "e.pdf")]
+    for path in paths:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    listed = tuple(sorted(map(str, paths)))
+    shown = of_stage("report", tmp_path)
+    assert shown.document["files"] == shown.lines == listed
+    (tmp_path / "report" / "index.html").touch()
+    assert of_stage("report", tmp_path).lines == (f"page: {tmp_path / 'report' / 'index.html'}",)
 
 
 def test_records_are_shown_by_their_stages(tmp_path, mapmore):

@@ -7,8 +7,9 @@ import pytest
 
 from mapmore_cli.annexes.planning.drawing import drawing_of
 from mapmore_cli.annexes.planning.results import Candidate, Picture, Plan, Trial, Tuning, Until
-from mapmore_cli.annexes.planning.views import of_plan, of_tuning
+from mapmore_cli.annexes.planning.views import of_plan, of_search, of_tuning
 from mapmore_cli.domain.recording import Quantity
+from mapmore_cli.domain.results import Search, Tried
 from mapmore_cli.reporting.figures import style
 from mapmore_cli.reporting.figures.drawing import compose
 
@@ -29,9 +30,20 @@ def marks(ax, colour):
     return [[*zip(*line.get_data(), strict=True)] for line in dots]
 
 
+def axes_of(drawing):
+    """The axes of a figure. Its lines are thin, and it is as high as two or three columns of text
+    allow.
+    """
+    assert 1 < drawing.grid.height < 3
+    axes = compose(drawing).axes
+    lines = [one.get_linewidth() for ax in axes for one in (*ax.lines, *ax.collections)]
+    assert np.hstack(lines).max() <= 2
+    return axes
+
+
 def test_half_widths_over_one_quantity():
     drawing = drawing_of(Plan("p", FORCE, {"strain": STRAIN}, 9.0, CANDIDATES, PICTURE))
-    (ax,) = compose(drawing).axes
+    (ax,) = axes_of(drawing)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("strain", "half width of force (N)")
     before, after, measured = ax.lines[:3]
     assert [before.get_ydata().tolist(), after.get_ydata().tolist()] == [[3, 5, 4], [2, 1, 2]]
@@ -50,7 +62,7 @@ def test_half_widths_over_two_quantities_are_colours():
     picture = Picture(PLACES, PICTURE.before, PICTURE.after, PLACES)
     plan = Plan("p", FORCE, {"strain": STRAIN, "load": LOAD}, 9.0, CANDIDATES, picture)
     drawing = drawing_of(plan)
-    ax, bar = compose(drawing).axes
+    ax, bar = axes_of(drawing)
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("strain", "load (kg)")
     assert bar.get_ylabel() == "half width of force (N)"
     (colours,) = ax.collections
@@ -58,6 +70,7 @@ def test_half_widths_over_two_quantities_are_colours():
     assert colours.get_array().tolist() == [3, 5, 4]
     dots = [(one.at["strain"], one.at["load"]) for one in CANDIDATES]
     assert marks(ax, style.VERMILLION) == [[dot] for dot in dots]
+    assert [text.get_text() for text in ax.texts] == ["1", "2", "3", "4"]
     assert [key.label for key in drawing.legend] == ["measured", "next"]
 
 
@@ -65,7 +78,7 @@ def test_levels_to_measure_have_no_half_width():
     between = (Candidate({"load": 2.0}, "between", gap=3.0),)
     picture = Picture(PLACES, PICTURE.before, PICTURE.after, PLACES)
     drawing = drawing_of(Plan("p", FORCE, {"load": LOAD}, 9.0, between, picture))
-    assert drawing.panels[0].y_labels == ("",)
+    assert axes_of(drawing)[0].get_ylabel() == ""
     assert drawing.caption.startswith("The levels that were measured")
     assert len(drawing.legend) == 2
 
@@ -94,6 +107,20 @@ def test_every_combination_has_a_row_with_its_mark():
     trial = view.document["trials"][0]
     assert (trial["set"], trial["above_best"], trial["folds"]) == (ONE.settings, 0.3, (0.2,))
     assert [one["failure"] for one in view.document["trials"]] == [None, None, None, "too few"]
+
+
+def test_the_structure_that_was_found_is_the_best_or_as_good():
+    tried = tuple(
+        Tried("map", name, {}, 3, (error,), error, error, excess=0.0, spread=0.0)
+        for name, error in (("short", 0.2), ("long", 0.1))
+    )
+    search = Search("s", "y", "levels", "inner levels", 12.0, tried, 1, 1, "why", notes=("n",))
+    found = search.found.words
+    for chosen, words in ((1, "the best itself"), (0, "as good as the best")):
+        view = of_search(replace(search, chosen=chosen), "s.yaml")
+        found = replace(search, chosen=chosen).found.words
+        assert view.lines == ("n", f"found: {found} ({words})", "spec: s.yaml")
+    assert view.document["spec"] == "s.yaml"
 
 
 @pytest.mark.parametrize(
@@ -135,7 +162,7 @@ def test_every_combination_is_a_dot_with_its_error_and_the_chosen_one_has_a_ring
         "order 3",
         "simplest within one standard error",
     ]
-    (ax,) = compose(drawing).axes
+    (ax,) = axes_of(drawing)
     assert ax.lines[0].get_ydata() == pytest.approx([10, 10])
     dots = [mark for line in ax.lines[1:] for mark in line.get_xydata().tolist()]
     assert sorted(dots) == [[3, 20], [3, 20], [4, 30], [5, 10]]

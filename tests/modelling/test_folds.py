@@ -71,6 +71,11 @@ def test_held_out_samples_are_in_no_fold_and_too_few_make_none():
     assert [curve.size for curve in training_only(half).curves] == [5, 9, 9]
     with pytest.raises(DataError, match=f"every curve has fewer than {BLOCKS} training samples"):
         folds([100.0], n=BLOCKS - 1, strain=None)
+    long, short = curves([100.0], (), n=40)[0], curves([200.0], (), n=BLOCKS - 1)[0]
+    both = replace(dataset, curves=(long, short))
+    choices = SimpleNamespace(over_time=False, levels=LEVELS, segment={"strain": None})
+    found = folds_of(both, choices, "max", by_level=False)
+    assert len(found.masks) == BLOCKS, "one curve with enough samples is enough"
 
 
 def test_blocks_follow_the_quantity_or_the_time_of_each_recording():

@@ -12,11 +12,13 @@ from surfaces import QUANTITIES, curves
 
 from mapmore_cli.annexes.planning import of_points, planning, points
 from mapmore_cli.annexes.planning.of_points import formulas_of
+from mapmore_cli.annexes.planning.results import Until
 from mapmore_cli.domain.errors import SpecError, UsageError
 from mapmore_cli.domain.recording import Dataset
 from mapmore_cli.modelling import literature
 from mapmore_cli.modelling.literature.backbone import fit_formula
 from mapmore_cli.modelling.validation.gaussian_process import GaussianProcess, most_likely
+from mapmore_cli.modelling.validation.intervals import NORMAL
 
 
 def test_a_fitted_process_agrees_with_scikit_learn():
@@ -137,12 +139,15 @@ def test_many_samples_are_spread_out_and_grid_places_near_samples_are_measured(m
     x = np.array([[0.0, 0.0], [10.0, 0.1], [10.0, 1.0], [9.0, 0.9]])
     taken, y = points.spread_out(x, np.arange(4.0))
     assert (taken.tolist(), y.tolist()) == (x[[0, 2, 1]].tolist(), [0, 2, 1])
-    assert points.spread_out(x[:3], y)[0] is not taken
+    assert points.spread_out(x[:3], y)[0].tolist() == x[:3].tolist()  # in their own order
     assert len(points.spread_out(np.repeat(x[:2], 3, axis=0), np.arange(6.0))[1]) == 2
     measured = points.MeasuredMap(("a", "b"), x, y)
     at = np.array([[5.0, 0.5], [5.48, 0.5], [5.52, 0.5], [5.0, 0.552]])
     near = measured.unmeasured(at, np.array([[5.0, 0.5]]), 11)
     assert near.tolist() == [False, False, True, True]  # half a step is .5 and .05
+    line = points.MeasuredMap(("a",), np.array([[0.0], [8.0]]), np.zeros(2))
+    near = line.unmeasured(np.array([[5.0], [5.01]]), np.array([[4.0]]), 5)
+    assert near.tolist() == [False, True]  # half a step of 2 belongs to the sample
 
 
 def at_levels(*levels, held_out=()):
@@ -213,6 +218,13 @@ def test_points_are_planned_over_the_inputs_that_vary_and_not_where_samples_are(
         near &= np.abs(strain - one.at["strain"]) <= np.ptp(strain) / 4 / 2 * (1 - 1e-9)
         assert not near.any()
     assert len(shown.measured["strain"]) == 20 * (3 - len(held_out))
+    level = at_levels(100.0)
+    constant = level.curves[0].columns | {"pressure": np.full(20, 100.0)}
+    level = replace(level, curves=(replace(level.curves[0], columns=constant),))
+    monkeypatch.setattr(of_points, "STEPS", {1: 101, 2: 5})
+    (one,), *_, (note,) = of_points.of_points(choices, level, 1, None, {})
+    assert (list(one.at), "Half widths" in note) == (["strain"], True)  # one pressure is no range
+    monkeypatch.setattr(of_points, "STEPS", {1: 11, 2: 5})
     names[:] = ["strain"]
     with refused("all points of a grid with 11 steps have been measured"):
         of_points.of_points(choices, whole, 2, None, {})
@@ -233,3 +245,22 @@ def test_a_map_forecast_stops():
     assert found.more is None
     assert 0 < found.least <= found.widest
     assert points.until(committee_of(map_of()), 1e9).more == 0
+    widest = float(committee_of(map_of()).half.max())
+    assert points.until(committee_of(map_of()), widest) == Until(widest, widest, 0, widest)
+
+
+def test_a_map_forecast_counts_points_until_the_width_is_reached(monkeypatch):
+    """Each where the width is largest, at most a number of them; noise alone sets a lower limit."""
+    committee = committee_of(map_of())
+    noise = committee.noise = 0.3 * committee.error.max()
+    wanted, widths = 1.2 * NORMAL * noise, [committee.half.max()]
+    while widths[-1] > wanted:
+        committee.add(int(np.argmax(committee.half)))
+        widths.append(committee.half.max())
+    for most, more in ((100, len(widths) - 1), (2, None)):
+        monkeypatch.setattr(points, "MOST_POINTS", most)
+        committee = committee_of(map_of())
+        committee.noise = noise
+        found = points.until(committee, wanted)
+        assert (found.more, found.widest) == (more, widths[0])
+        assert found.least == min(widths[: most + 1])

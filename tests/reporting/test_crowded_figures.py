@@ -27,7 +27,14 @@ def boxes(figure):
 
 def test_panels_are_of_one_size_and_their_labels_in_line(inputs):
     with figure_style():
-        figure = compose(drawings("fit", inputs)[0])
+        drawn = drawings("fit", inputs)[0]
+        figure = compose(drawn)
+        assert 0.3 < figure.get_figheight() - drawn.grid.height < 0.5, "room for the legend"
+        (legend,) = figure.legends
+        assert legend.get_window_extent().width <= figure.bbox.width
+        assert not legend.get_frame_on()
+        title, axes = figure.axes[0].title.get_window_extent(), figure.axes[0].get_window_extent()
+        assert 0 <= title.y0 - axes.y1 < 10, "the title stands on the axes"
         panels = [ax.get_window_extent() for ax in figure.axes]
         assert np.ptp([panel.width for panel in panels]) < 1e-6
         assert panels[0].height == pytest.approx(2 * panels[1].height)
@@ -75,11 +82,20 @@ def test_there_are_courses_between_two_levels_at_least(inputs):
     assert level_figures(inputs, pchip) == []
 
 
+def test_a_residual_that_is_shrunk_between_levels_is_told(inputs):
+    for shrink, words in ((1.0, ""), (0.25, "Midway between levels, 25% of what the pieces add")):
+        _, drawing = courses_of(inputs, shrink=shrink)
+        assert ("Midway" in drawing.caption) == bool(words)
+        assert words in drawing.caption
+
+
 def test_of_many_levels_some_are_marked_and_the_caption_says_how_many(inputs, monkeypatch):
     monkeypatch.setattr("mapmore_cli.reporting.figures.panels.DOTS", 2)
     _, drawing = courses_of(inputs)
     assert " 2 of 3 training levels are drawn" in drawing.caption
-    marked = compose(drawing).axes[0].lines[1].get_xdata()
+    figure = compose(drawing)
+    assert 0 < figure.get_figheight() - drawing.grid.height < 0.3, "without a legend"
+    marked = figure.axes[0].lines[1].get_xdata()
     assert marked.tolist() == [80, 350]
 
 

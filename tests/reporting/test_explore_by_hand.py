@@ -9,7 +9,9 @@ import pytest
 from common import curve_of
 from export_samples import SAROSI
 from report_builder import build
+from test_memory_report import report_of
 
+from mapmore_cli.domain.errors import DataError
 from mapmore_cli.domain.recording import Quantity, Signal
 from mapmore_cli.modelling.literature.model import formula_equations
 from mapmore_cli.modelling.validation.intervals import left_out_summary
@@ -24,7 +26,12 @@ def inputs():
 
 @pytest.mark.parametrize(
     ("low", "high", "ends", "near"),
-    [(2, 4, [1.7, 4.3], 0.12), (4, 4, [3.4, 4.6], 0), (0, 0, [-0.15, 0.15], 0)],
+    [
+        (2, 4, [1.7, 4.3], 0.12),
+        (4, 4, [3.4, 4.6], 0),
+        (-4, -4, [-4.6, -3.4], 0),
+        (0, 0, [-0.15, 0.15], 0),
+    ],
 )
 def test_an_input_goes_beyond_its_range(low, high, ends, near):
     reach = data._reach(low, high)
@@ -59,6 +66,28 @@ def test_rates_are_per_second_of_the_clock_of_the_model(inputs):
     rate = Signal("strain_rate", "rate", "strain", 0.1, 2, factor=2.0, seconds=1e-3)
     study = data.study_of(replace(inputs, model=replace(inputs.model, signals=(rate,))), "a")
     assert study["signals"] == {"strain_rate": {"kind": "rate", "of": "strain", "factor": 0.002}}
+
+
+def test_inputs_over_time_swing_about_the_middle_of_their_range_in_periods_of_many_steps():
+    """The model has a time step of 0.01 s."""
+    study = data.study_of(running := report_of(["pressure", "motion[k-1]"]), "a")
+    low, high = data._span(running.dataset.curves, "pressure")
+    offset, amplitude = study["knobs"]["pressure"]
+    assert offset["value"] == pytest.approx((low + high) / 2, rel=1e-6)
+    assert amplitude["value"] == pytest.approx(0.4 * (high - low), rel=1e-6)
+    rate = study["frequency"]
+    assert rate["value"] == pytest.approx(1 / (500 * 0.01))
+    assert [rate["low"], rate["high"]] == pytest.approx([rate["value"] / 20, rate["value"] * 5])
+
+
+def test_a_page_draws_over_the_input_that_varies_within_a_curve(inputs):
+    """Whichever input the model names first; over the first one if none of them varies."""
+    for order in (inputs.model.inputs, inputs.model.inputs[::-1]):
+        study = replace(inputs, model=replace(inputs.model, inputs=order))
+        assert data.study_of(study, "a")["along"] == "strain"
+    validation = replace(inputs.validation, along="force")
+    first = data.study_of(replace(inputs, validation=validation), "a")["along"]
+    assert first == inputs.model.inputs[0].name
 
 
 def spans_of(study):
@@ -166,6 +195,30 @@ def test_competitors_that_a_page_computes_have_the_output_the_inputs_and_the_ste
     assert [*explore._competitors(inputs)] == ["same", "static", "most"]
 
 
+def test_models_without_code_are_left_out_and_no_program_is_run(inputs, monkeypatch):
+    validation = replace(inputs.validation, models={"sarosi": inputs.model})
+    study, written = replace(inputs, validation=validation), explore.wrapped
+
+    def wrapped(key, *model):
+        if key in unwritten:
+            raise DataError("no closed expression", "choose another model")
+        return written(key, *model)
+
+    def run(*_, **__):
+        raise AssertionError("another program is run")
+
+    monkeypatch.setattr(explore, "wrapped", wrapped)
+    monkeypatch.setattr("subprocess.Popen", run)
+    unwritten = []
+    (found,) = explore.explored([study]).outputs
+    assert [one["key"] for one in found["others"]] == ["model0.0"]
+    unwritten.append("model0.0")
+    (found,) = explore.explored([study]).outputs
+    assert found["others"] == []
+    unwritten.append("model0")
+    assert explore.explored([study]) is None
+
+
 def test_formulas_that_were_fitted_one_after_the_other_stand_below_each_other():
     fits = {"a (static)": SAROSI, "a (damping)": SAROSI, "a": SAROSI, "b": SAROSI, "ab": SAROSI}
     unknown = replace(SAROSI, name="nobody's")
@@ -209,3 +262,7 @@ def test_intervals_stand_at_even_levels(inputs, monkeypatch):
     monkeypatch.setattr(data, "half_widths_of", lambda _model, columns, _level: columns["row"])
     found = data._interval(study)
     assert (found["of"], found["half"]) == (None, [0.0] * 41)
+    one_level = [curve_of({"pressure": np.full(3, 200.0)})]
+    study.model.level, study.dataset = "pressure", SimpleNamespace(curves=one_level)
+    monkeypatch.setattr(data, "half_widths_of", lambda _model, columns, _level: columns["pressure"])
+    assert (data._interval(study)["of"], data._interval(study)["low"]) == (None, 200)

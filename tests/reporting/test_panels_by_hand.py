@@ -9,7 +9,10 @@ import pytest
 from common import curve_of
 from report_builder import Recorder
 
+from mapmore_cli.domain.recording import Quantity
 from mapmore_cli.reporting.figures import fit, panels, sketched, style
+from mapmore_cli.reporting.figures.drawing import Drawing, Layout, Panel
+from mapmore_cli.reporting.figures.sketch import Sketch
 from mapmore_cli.reporting.inputs import ReportInputs
 
 
@@ -43,7 +46,7 @@ def test_long_lines_are_means_and_ranges_of_equal_stretches():
 def test_a_line_has_a_band_with_more_than_four_samples_in_each_stretch(samples, filled):
     drawn = []
     ax = SimpleNamespace(
-        fill_between=lambda x, *_ends, **_look: drawn.append(len(x)),
+        fill_between=lambda x, *_ends, alpha, **_look: drawn.append(len(x) * (0 < alpha < 0.5)),
         plot=lambda x, _y, **_look: drawn.append(len(x)),
     )
     x = np.linspace(0, 1, samples)
@@ -55,7 +58,7 @@ def test_captions_say_what_is_left_out():
     assert panels.thinned([3, 200]) == ""
     assert panels.thinned([201, 3]) == panels.SOME_DOTS
     assert panels.thinned([600]) == panels.SOME_DOTS
-    assert "pale bands" in panels.thinned([601])
+    assert "pale bands" in panels.thinned([3, 601])
     assert (panels.some_of(3, 3, "x"), panels.best_of(3, 3)) == ("", "")
     assert panels.some_of(2, 3, "curves") == " 2 of 3 curves are drawn, evenly spread."
     assert "own and the best other are" in panels.best_of(2, 4)
@@ -83,6 +86,7 @@ def test_curves_that_were_asked_for_are_drawn_otherwise_six_evenly():
         (["abcdefghi"], 2, ["…i"]),
         (["run_a", "run_b"], 5, ["run_a", "run_b"]),
         (["run_a", "run_b"], 4, ["…a", "…b"]),
+        (["run_a", "run_bcdef"], 5, ["…a", "…b…ef"]),
         (["long_a_end", "long_bb_end"], 6, ["…a_…", "…bb_…"]),
         (["run aaaaaaaa1aaaa", "run aaaaaaaa2aaaa"], 8, ["1: …a…aa", "2: …a…aa"]),
         (["same_name", "same_name"], 5, ["sa…me", "sa…me"]),
@@ -123,17 +127,46 @@ def test_sheets_of_a_panel_share_its_height_and_its_right_end(monkeypatch):
 def test_entries_of_a_legend_fill_lines_from_the_left(monkeypatch):
     places = []
     monkeypatch.setattr(sketched, "_svg", lambda _inside, place, *_: places.append(place) or "x")
-    entries = [("a", 100.0), ("b", 176.0), ("c", 300.0), ("d", 10.0)]
+    entries = [("a", 300.0), ("b", 100.0), ("c", 182.0), ("d", 10.0)]
     found, height = sketched._legend(entries, 4.0, SimpleNamespace(size=9))
     line = 1.4 * 8
-    # a line has 288 points; two entries are 6 points apart
+    # a line has 288 points, which two entries fill; two entries are 6 points apart
     assert [place[:3] for place in places] == [
-        (0, 0, 100), (106, 0, 176), (0, line, 300), (0, 2 * line, 10),
+        (0, 0, 300), (0, line, 100), (106, line, 182), (0, 2 * line, 10),
     ]  # fmt: skip
     assert (found, height) == ("xxxx", 3 * line)
     assert sketched._legend([], 4.0, SimpleNamespace(size=9)) == ("", 0)
-    _, width = sketched._entry("ab cd", {"color": "#000"}, SimpleNamespace(size=9))
+
+
+def test_an_entry_of_a_legend_is_a_sample_two_letters_wide_before_its_words():
+    """For letters of 8 points: a line in the middle of their height, or a box as high as they."""
+    entry = partial(sketched._entry, "ab cd", style=SimpleNamespace(size=9))
+    line, width = entry({"color": "#000", "marker": "o", "markeredgewidth": 0})
     assert width == pytest.approx((5 * 0.62 + 4.5) * 8)
+    assert '<path d="M1 5.2l16 0" fill="none" stroke="#000"' in line
+    assert '<path d="M9 5.2h0"' in line
+    assert 'x="21.0" y="8.0">ab cd' in line
+    box, _ = entry({"facecolor": "#00f", "alpha": 0.25})
+    assert '<rect x="1.00" y="2.40" width="16.00" height="5.60" fill="#00f"' in box
+    assert 'fill-opacity="0.25"' in box
+
+
+def test_panels_below_each_other_begin_at_the_same_place_below_the_highest_heading(monkeypatch):
+    """Four panels stand in two columns; the heading of one has two lines."""
+    frames, places, room = [], [], iter([10.0, 20.0, 30.0, 15.0])
+    monkeypatch.setattr(sketched, "_room_left", lambda *_: next(room))
+    monkeypatch.setattr(sketched, "_panel", lambda *asked: frames.append(asked[3]) or "")
+    monkeypatch.setattr(sketched, "_svg", lambda _inside, place, *_: places.append(place) or "")
+    names = ("a", "b", " ".join(["word"] * 10), "d")
+    four = [Panel(name, lambda ax: ax.plot([0, 1]), "x", ("y",), title=name) for name in names]
+    figure = sketched.sketched(Drawing("q", "", tuple(four), Layout(2.0, width=5.0)), style.PLAIN)
+    size, width, height = style.PLAIN.size - 1, 2.5 * 72, 2.0 * 72
+    assert [frame[0] for frame in frames] == [30, 20, 30, 20]
+    for _, *frame in frames:
+        assert frame == [pytest.approx(2 * 1.2 * size + 4), width, height]
+    assert places == [(x, y, width, height) for y in (0, height) for x in (0, width)]
+    assert f'"viewBox": "0 0 360.0 {2 * height:.1f}"' in figure.svg
+    assert (figure.width, figure.columns) == (5.0, 2)
 
 
 def test_sheets_share_the_x_axis_and_have_fewer_ticks_beside_each_other():
@@ -150,15 +183,26 @@ def axis_of(labels, scale):
     )
 
 
+def test_rows_are_labelled_from_the_top_and_powers_of_ten_on_a_logarithmic_axis():
+    ax = Sketch(7.0)
+    panels.label_rows(ax, ["first", "second"])
+    panels.plain_logarithm(ax, "x")
+    ax.set_xlim(0.01, 1.0)
+    assert ax.yaxis.labels() == {0: "first", 1: "second"}
+    assert ax.yaxis.ends == pytest.approx((1.5, -0.5), abs=0.1)
+    assert [*ax.xaxis.labels().values()] == ["0.01", "0.1", "1"]
+
+
 def test_room_for_the_labels_of_the_longest_line():
     sheets = [
         SimpleNamespace(yaxis=SimpleNamespace(labels=lambda words=words: {0: words}))
         for words in ("100", "1\n2222")
     ]
-    assert sketched._room_left(sheets, ["y\nunit", ""], 8.0) == pytest.approx(
-        4 * 0.62 * 8 + 6 + 2 * 10.5
-    )
+    for labels in (["y\nunit", "z", ""], ["z", "y\nunit"]):
+        room = 4 * 0.62 * 8 + 6 + 2 * 10.5
+        assert sketched._room_left(sheets, labels, 8.0) == pytest.approx(room)
     assert sketched._room_left(sheets[:1], [""], 8.0) == pytest.approx(3 * 0.62 * 8 + 6)
+    assert sketched._width("i") < sketched._width("m") == sketched._width("W") <= 1
 
 
 @pytest.mark.parametrize("last", [True, False])
@@ -199,6 +243,14 @@ def test_the_models_of_a_figure():
     assert ReportInputs.lines.fget(inputs) == ("own", *"abcde", "cubic")
     inputs.pooled_errors = {"own": 0.0, "a": 1.0}
     assert ReportInputs.far_off.fget(inputs) == ()
+
+
+def test_intervals_belong_to_the_output_of_the_model_and_to_no_other_quantity():
+    force, strain = Quantity("force", "N"), Quantity("strain", "1")
+    model = SimpleNamespace(output=force, left_out="errors")
+    for target, left_out in ((force, "errors"), (strain, None)):
+        inputs = SimpleNamespace(model=model, target=target)
+        assert ReportInputs.left_out.fget(inputs) == left_out
 
 
 @pytest.mark.parametrize(("runs", "spans"), [(6, 6), (7, 0)])

@@ -84,6 +84,28 @@ class TestLabels:
             figure.draw_without_rendering()
             texts = [text for text in figure.findobj(mpl.text.Text) if text.get_text()]
             assert min(text.get_fontsize() for text in texts) >= 7, name
+            assert max(text.get_fontsize() for text in texts) < 12, name
+
+    def test_lines_are_thin_marks_are_small_and_figures_are_lower_than_a_page(self, every):
+        for name, figure in every.items():
+            lines = figure.findobj(mpl.lines.Line2D)
+            assert max(line.get_linewidth() for line in lines) <= 2, name
+            marked = [line for line in lines if line.get_marker() in elements.SHAPES]
+            most = 3 if name == "surface_3d" else 10
+            assert max((line.get_markersize() for line in marked), default=0.0) < most, name
+            assert figure.get_figheight() < 9, name
+            for legend in figure.legends:
+                assert legend.get_window_extent().width <= figure.bbox.width, name
+
+
+def test_panels_of_errors_share_their_axes(every):
+    first, *others = every["error"].axes
+    for shared in (first.get_shared_x_axes(), first.get_shared_y_axes()):
+        assert all(shared.joined(first, ax) for ax in others)
+    labels = [bool(ax.get_ylabel()) for ax in every["error"].axes]
+    assert labels == [True, False, False], "a label beside the first panel is for all"
+    assert all(ax.get_ylabel() for ax in every["residuals"].axes)
+    assert len({ax.get_xlim() for ax in every["residuals"].axes}) == 2  # lags, and an input
 
 
 def test_the_own_model_always_looks_the_same_and_no_two_models_do():
@@ -91,6 +113,12 @@ def test_the_own_model_always_looks_the_same_and_no_two_models_do():
     assert styles["mapmore"] == style.model_styles(["mapmore"])["mapmore"]
     for looks in ("colour", "dashes", "marker"):  # told apart without colour too
         assert len({str(getattr(look, looks)) for look in styles.values()}) == 7
+    own, *others = styles.values()
+    assert all(own.width > other.width >= 1 for other in others)
+    assert own.width < 2
+    assert others[0].colour == style.BLUE
+    assert own.zorder < min(other.zorder for other in others), "seen below the dashed lines"
+    assert all(max(other.dashes[1]) < 10 for other in others)
 
 
 class TestFit:
@@ -114,6 +142,7 @@ class TestFit:
         assert [len(ax.patches) for ax in drawn(inputs, "fit")["fit"].axes] == [0, 0]
         figure = drawn(mixed, "fit")["fit"]
         assert [len(ax.patches) for ax in figure.axes] == [1] * 8
+        assert len({ax.get_xlim() for ax in figure.axes}) == 1
         panel, (span,) = curve_fit(mixed, 0), figure.axes[0].patches
         low, high = span.get_x(), span.get_x() + span.get_width()
         np.testing.assert_array_equal((panel.x > low) & (panel.x < high), panel.held_out)
@@ -150,6 +179,8 @@ class TestSegments:
         assert len({(line.get_color(), line.get_marker()) for line in samples}) == 3
         total = np.nansum([line.get_ydata() for line in weights], axis=0)
         np.testing.assert_allclose(total, 1, atol=1e-12)
+        assert min(np.nanmin(line.get_ydata()) for line in weights) > 0, "no line along zero"
+        assert bottom.get_ylim() == pytest.approx((0, 1), abs=0.1)
         assert [line.get_xdata()[0] for line in bottom.lines[3:]] == [0, 0.01, 0.03, 0.05]
         ends = [(zone.get_x(), zone.get_x() + zone.get_width()) for zone in top.patches]
         np.testing.assert_allclose(

@@ -16,7 +16,7 @@ from mapmore_cli.modelling.kinds import equations
 from mapmore_cli.reporting import figures as figures_folder
 from mapmore_cli.reporting.order import FIGURES
 from mapmore_cli.reporting.report import write_report
-from mapmore_cli.reporting.sections import SECTIONS
+from mapmore_cli.reporting.sections import SECTIONS, all_tables
 
 EVERYTHING = {"figures": tuple(FIGURES), "formats": ("html", "csv", "svg")}
 
@@ -71,8 +71,11 @@ def test_only_the_formats_and_figures_asked_for(inputs, tmp_path):
     assert not [*(tmp_path / "none").iterdir()]  # but the folder of the stage is there
     write_report(inputs, tmp_path / "a", ("nrmse",), ("svg",))
     assert [path.name for path in (tmp_path / "a").iterdir()] == ["nrmse.svg"]
-    write_report(inputs, tmp_path / "b", ("nrmse",), ("csv",))
+    write_report(inputs, tmp_path / "b", ("nrmse",), ("csv", "tex"))
     assert [path.name for path in (tmp_path / "b").iterdir()] == ["tables"]
+    rows = {table.name: table.rows for table in all_tables(inputs)}
+    for suffix, names in (("csv", {*rows}), ("tex", {name for name in rows if rows[name]})):
+        assert {path.stem for path in (tmp_path / "b" / "tables").glob(f"*.{suffix}")} == names
     write_report(inputs, tmp_path / "c", ("nrmse",), ("html",))
     assert [path.name for path in (tmp_path / "c").iterdir()] == ["index.html"]
     assert (
@@ -197,6 +200,9 @@ def test_says_what_it_should(page, inputs):
         *inputs.dataset.notes,
     ):
         assert words in page.text
+    (own,) = (row for row in inputs.validation.scores
+              if (row.model, row.split, row.curve) == ("mapmore", "validate", "all"))  # fmt: skip
+    assert f"Its RMSE is {own.rmse:.3g} N" in page.text
     assert inputs.spec_text in page.text
     assert inputs.equations[0].text in page.text
 

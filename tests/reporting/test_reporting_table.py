@@ -49,6 +49,13 @@ def test_csv_has_twelve_digits_and_empty_fields():
     assert lines == ["model,RMSE [N],ratio,n", "a_1,12.3456789012,0.5,3", "b|<i>,,,12"]
 
 
+def test_the_head_of_a_table_says_how_many_rows_there_are():
+    assert TABLE.head(2) is TABLE
+    (note, more), rows = TABLE.head(1).notes, TABLE.head(1).rows
+    assert (note, rows) == ("A note.", TABLE.rows[:1])
+    assert more == "The first 1 of 2 rows; all are in tables/demo.csv."
+
+
 def test_ragged_rows_are_refused():
     with pytest.raises(ValueError, match="as long as the 2 columns"):
         Table("t", "t", (Column("x"), Column("y")), ((1,),))

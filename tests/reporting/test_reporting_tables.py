@@ -10,7 +10,13 @@ from mapmore_cli.domain.models import FoldError
 from mapmore_cli.domain.recording import Dataset, Quantity, Recording
 from mapmore_cli.domain.results import AUTOCORRELATION, FitResult, ResidualTest, Validation
 from mapmore_cli.domain.scores import Published, ScoreTable
-from mapmore_cli.reporting.fit_tables import folds_table, formulas_table, rival_minima, same_models
+from mapmore_cli.reporting.fit_tables import (
+    SAME,
+    folds_table,
+    formulas_table,
+    rival_minima,
+    same_models,
+)
 from mapmore_cli.reporting.score_tables import (
     pieces_sentence,
     score_table,
@@ -202,6 +208,10 @@ def test_formulas_that_are_one_model_are_named_once_each_pair():
     assert len(same) == 1
     assert "tondu_lopez and chou_hannaford are one model here" in same[0]
     assert same_models([("a", fit("a")), ("b", fit("b", 2.001))]) == ()
+    for size in (1e-6, 1e6):  # the difference is relative
+        for other, count in ((1 + SAME / 2, 1), (1 + 2 * SAME, 0)):
+            pair = [("a", fit("a", size)), ("b", fit("b", other * size))]
+            assert len(same_models(pair)) == count
     assert (
         same_models([("a", fit("a", 0.0)), ("b", fit("b", 0.0))]) == ()
     )  # nothing is left of both

@@ -4,12 +4,14 @@ import math
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from report_builder import build
+from test_memory_report import report_of
 
 from mapmore_cli.modelling.kinds import outside_range
 from mapmore_cli.reporting.figures.axis import Axis, levels_of, nice_ticks
@@ -19,7 +21,7 @@ from mapmore_cli.reporting.figures.panels import key
 from mapmore_cli.reporting.figures.sketch import Sketch
 from mapmore_cli.reporting.figures.sketched import _share_axes, sketched
 from mapmore_cli.reporting.figures.style import PLAIN
-from mapmore_cli.reporting.figures.surface import sheet_of
+from mapmore_cli.reporting.figures.surface import plane_of, sheet_of
 from mapmore_cli.reporting.inputs import FigureStyle
 from mapmore_cli.reporting.order import FIGURES, FILES_ALONE
 from mapmore_cli.reporting.report import data_csv, numbers_of
@@ -36,10 +38,31 @@ def texts(svg):
     ]
 
 
+def assert_fine(drawing, svg):
+    """Lines are thin, dots are small, nothing is more than opaque, and every axes is high enough to
+    be read and low enough for a page.
+    """
+    strokes = re.findall(r'stroke-width="([.\d]+)"( stroke-linecap)?', svg)
+    assert max((float(width) for width, dots in strokes if not dots), default=0.0) <= 2
+    dots = [float(width) for width, dots in strokes if dots]
+    assert max([*dots, *(2 * float(r) for r in re.findall(r' r="([.\d]+)"', svg))], default=0) <= 5
+    assert max(map(float, re.findall(r'opacity="([.\d]+)"', svg)), default=0.0) <= 1
+    heights = drawing.grid.height * np.divide(drawing.grid.stack, sum(drawing.grid.stack))
+    assert 0.5 <= heights[-1] <= max(heights) == heights[0] <= 3
+
+
+@pytest.mark.parametrize("name", ["fit", "residuals", "error", "data"])
+def test_lines_and_dots_over_time_are_fine(name):
+    running = report_of(["pressure", "motion[k-1]"])
+    for drawing in drawings(name, running):
+        assert_fine(drawing, sketched(drawing, running.style).svg)
+
+
 @pytest.mark.parametrize("name", sorted(FIGURES.keys() - FILES_ALONE))
 def test_every_figure_of_a_page_is_a_quick_drawing(inputs, name):
     for drawing in drawings(name, inputs):
         figure = sketched(drawing, inputs.style)
+        assert_fine(drawing, figure.svg)
         words = texts(figure.svg)
         for panel in drawing.panels:
             assert panel.x_label in words
@@ -91,6 +114,10 @@ def test_places_are_true_to_the_numbers():
         (-120.0, 60.0, ["−100", "−50", "0", "50"]),
         (0.0, 0.3, ["0.0", "0.1", "0.2", "0.3"]),
         (0.0, 1e-7, ["0", "2e-08", "4e-08", "6e-08", "8e-08", "1e-07"]),
+        (2e-5, 4e-5, ["2e-05", "2.5e-05", "3e-05", "3.5e-05", "4e-05"]),
+        (0.0, 1e-4, ["0.00000", "0.00002", "0.00004", "0.00006", "0.00008", "0.00010"]),
+        (0.0, 1e6, ["0", "200000", "400000", "600000", "800000", "1e+06"]),
+        (0.3, 0.1 + 0.2, ["0.3"]),  # ends that differ by rounding alone
         (1.0, 3.2, ["1.0", "1.5", "2.0", "2.5", "3.0"]),
         (0.0, 10.0, ["0.0", "2.5", "5.0", "7.5", "10.0"]),
     ],
@@ -171,7 +198,8 @@ def test_ticks_are_as_many_as_there_is_room_for():
 
 def test_a_single_value_is_a_tick_and_a_level():
     assert levels_of(5.0, 5.0, 4) == [5.0]
-    assert nice_ticks(5.0, 5.0, 4) == [5.0]
+    for value in (5.0, 0.0, -5.0):
+        assert nice_ticks(value, value, 4) == [value]
     assert nice_ticks(1.0, math.nextafter(1.0, 2.0), 4) == [1.0]  # differ by rounding alone
 
 
@@ -214,6 +242,9 @@ def test_a_region_ends_where_its_quantity_crosses_the_level():
     regions = outlines_above(x, heights, parted, 1.1)
     assert [(min(up), max(up)) for _, up in regions] == [(0.0, 0.375), (0.625, 1.0)]
     assert outlines_above(x, heights, np.full(x.shape, np.nan), 1.1) == []
+    peak = np.array([[-20.0, 0.0, 5.0, 0.0, -20.0]] * 2)  # crossed halfway to the next neighbours
+    ((across, _),) = outlines_above(np.array([np.arange(5.0)] * 2), np.arange(2.0), peak, 2.5)
+    assert across == [1.5, 1.5, 2.5, 2.5]
     level_ground = outlines_above(np.array([[0, 1, 2]] * 2), np.arange(2), np.zeros((2, 3)), 0)
     assert level_ground == [([0, 0, 2, 2], [0, 1, 1, 0])]
 
@@ -228,6 +259,14 @@ def test_the_rim_of_a_surface_is_that_of_the_training_range(inputs):
             at = {"strain": ends + shift, "pressure": sheet.up[known, side]}
             assert (outside_range(model, at) == beyond).all()
         assert known.sum() > 50
+
+
+def test_there_is_no_surface_if_a_curve_lacks_an_input(inputs):
+    first, *others = inputs.dataset.curves
+    columns = {name: x for name, x in first.columns.items() if name != "strain"}
+    lacking = replace(inputs.dataset, curves=(*others, replace(first, columns=columns)))
+    assert plane_of(inputs).names == ("strain", "pressure")
+    assert plane_of(replace(inputs, whole=lacking)) is None
 
 
 @pytest.mark.parametrize(

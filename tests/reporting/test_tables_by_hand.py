@@ -11,7 +11,8 @@ from mapmore_cli.domain.fits import SegmentedCurve
 from mapmore_cli.domain.models import Equation
 from mapmore_cli.domain.recording import Dataset, Quantity
 from mapmore_cli.domain.results import ErrorBand, Outlier, Search, Tried
-from mapmore_cli.domain.scores import Score
+from mapmore_cli.domain.scores import REPEATABILITY, Score
+from mapmore_cli.reporting import sections, summary
 from mapmore_cli.reporting.fit_tables import (
     coefficients_table,
     outliers_table,
@@ -27,7 +28,13 @@ from mapmore_cli.reporting.score_tables import (
     score_table,
     search_table,
 )
-from mapmore_cli.reporting.tables import bands_table, equations_table, pieces_table, shape_table
+from mapmore_cli.reporting.tables import (
+    bands_table,
+    equations_table,
+    limits_tables,
+    pieces_table,
+    shape_table,
+)
 
 
 def piece(name="s", stop="tolerance", tied=(0, 2)):
@@ -44,7 +51,7 @@ def piece(name="s", stop="tolerance", tied=(0, 2)):
         freedom=4,
         errors_note="how errors were found",
         table=lambda: [
-            {"coefficient": 2.0, "standard_error": 0.5, "t": 4.0},
+            {"coefficient": -2.0, "standard_error": 0.5, "t": -4.0},
             {"coefficient": -1.0, "standard_error": 0.5, "t": -2.0},
         ],
     )
@@ -73,7 +80,11 @@ def test_terms_with_their_shares_and_the_runner_up():
     assert np.isnan(second[6:8]).all()
     assert second[8:] == [2, "tolerance"]
     assert len(table.notes) == 2
-    assert len(terms_table(SimpleNamespace(pieces=[piece(tied=(0, 0))])).notes) == 1
+    untied, tied = piece(tied=(0, 0)), piece("t")
+    assert len(terms_table(SimpleNamespace(pieces=[untied])).notes) == 1
+    assert len(terms_table(SimpleNamespace(pieces=[untied, tied])).notes) == 2
+    untied.selection.runner_up = np.array([0, -1])
+    assert terms_table(SimpleNamespace(pieces=[untied])).rows[0][5] == "1"  # the first candidate
 
 
 def test_coefficients_with_their_intervals_in_both_units():
@@ -82,7 +93,7 @@ def test_coefficients_with_their_intervals_in_both_units():
     first, second = table.rows
     assert first[:2] == ("s", "1")
     assert first[2:] == pytest.approx(
-        (2, 0.5, 4, reach, 2 - reach, 2 + reach, -20, 10 * reach), rel=1e-9
+        (-2, 0.5, -4, reach, -2 - reach, -2 + reach, 20, 10 * reach), rel=1e-9
     )
     assert second[2:] == pytest.approx(
         (-1, 0.5, -2, reach, -1 - reach, -1 + reach, 10, 10 * reach), rel=1e-9
@@ -94,7 +105,7 @@ def test_coefficients_with_their_intervals_in_both_units():
     assert table.headings[-2:] == ("theta × y_slope [N]", "± 95 % [N]")
     plain = piece()
     plain.scaling.rule = "none"  # the coefficient of x has the unit of y per unit of x
-    unscaled = coefficients_table(SimpleNamespace(pieces=[plain]), "N")
+    unscaled = coefficients_table(SimpleNamespace(pieces=[piece("t"), plain]), "N")
     assert unscaled.headings[-2:] == ("theta × y_slope", "± 95 %")
     for count, more in ((12, False), (13, True)):
         every = SimpleNamespace(pieces=[piece(str(number)) for number in range(count)])
@@ -278,3 +289,60 @@ def test_a_column_of_scores_is_shown_if_any_row_has_it():
     # the errors of a target in per cent are no fractions
     assert score_table(rows, {"y": "%"}).rows == table.rows
     assert len(table.headings) > len(score_table(rows[:1], {"y": "N"}).headings)
+
+
+@pytest.mark.parametrize(
+    ("other", "words"),
+    [
+        (replace(score("b", 0.02), nrmse_range=0.5), "lies far from zero"),
+        (score(REPEATABILITY, 0.1), "not a model, but the difference between repeated"),
+        (replace(score("b", 0.02), rrse=0.2, rrse_one_step=0.1), "those of the free run"),
+    ],
+)
+def test_a_note_explains_what_any_row_of_scores_has(other, words):
+    ordinary = score("a", 1.0)
+    assert words not in " ".join(score_table([ordinary], {"y": "N"}).notes)
+    assert words in " ".join(score_table([ordinary, other], {"y": "N"}).notes)
+
+
+def test_limits_of_a_model_that_contains_others_are_those_of_each():
+    def model(name):
+        curve = SimpleNamespace(curve="c", level=None, limits={"x": (0.0, 2.0)})
+        body = SimpleNamespace(ranges=[curve])
+        return SimpleNamespace(name=name, level=None, inputs=[Quantity("x", "mm")], body=body)
+
+    whole, part = model("whole"), model("part")
+    whole.each, whole.every = [whole], [whole, part]
+    made = [(table.name, table.title.partition(" (")[2]) for table in limits_tables(whole)]
+    assert made == [("limits", ""), ("limits_1", "part)")]
+    whole.each = [part, model("other")]  # two outputs have the same ranges
+    assert [table.rows for table in limits_tables(whole)] == [(("c", 0, 2),)]
+
+
+def test_the_section_of_a_kind_of_model_stands_before_the_folded_sections(monkeypatch):
+    class Kind:
+        def section(self):
+            return sections.PageSection("own", "Own")
+
+    monkeypatch.setattr(sections, "shown_by", {"fit": Kind()}.get)
+    found = sections.sections_of(SimpleNamespace(fits={"a": "fit", "b": "fit", "c": None}))
+    folded = [section.folded for section in found if section.id != "own"]
+    place = [section.id for section in found].index("own")
+    assert (len(found), folded.index(True)) == (len(sections.SECTIONS) + 1, place)
+
+
+@pytest.mark.parametrize("timed", [False, True])
+def test_levels_are_compared_with_a_single_valued_curve_unless_drawn_over_time(timed, monkeypatch):
+    monkeypatch.setattr(sections.tables, "levels_table", lambda _data, along, _whole: along)
+    monkeypatch.setattr(sections.tables, "recordings_table", lambda _whole: "recordings")
+    strain = Quantity("strain", "1")
+    inputs = SimpleNamespace(timed=timed, in_curve=strain, dataset=None, whole=None)
+    assert [*sections._of_data(inputs)] == [None if timed else "strain", "recordings"]
+
+
+@pytest.mark.parametrize(("count", "more"), [(4, False), (5, True)])
+def test_a_summary_has_four_equations_at_most(count, more, monkeypatch):
+    every = [Equation(f"s{number}", "y", "y_") for number in range(count)]
+    monkeypatch.setattr(summary, "equations", lambda _model: every)
+    lines = [*summary._in_physical_units(None)]
+    assert (len(lines), f"has {count} equations" in lines[-1]) == (4 + more, more)

@@ -204,7 +204,7 @@ def _prices_of(text: str | None) -> dict[str, float]:
         try:
             prices[name] = float(price)
         except ValueError:
-            prices[name] = -1.0
+            prices[name] = float("nan")
         if not 0 < prices[name] < float("inf"):
             raise UsageError(
                 f"--cost {part.strip()}: is not of the form QUANTITY=PRICE",

@@ -72,12 +72,11 @@ class MeasuredMap:
 
 def spread_out(x: Array, y: Array) -> tuple[Array, Array]:
     """Return at most `MOST_MEASURED` of the points, spread evenly. Each next point is the point
-    that is farthest from all points chosen before (maximin).
+    that is farthest from all points chosen before (maximin). Every column of `x` varies.
     """
     if len(y) <= MOST_MEASURED:
         return x, y
-    span = np.ptp(x, axis=0)
-    scaled = (x - x.min(axis=0)) / np.where(span > 0, span, 1.0)
+    scaled = (x - x.min(axis=0)) / np.ptp(x, axis=0)
     chosen, distance = [0], np.full(len(y), np.inf)
     for _ in range(MOST_MEASURED - 1):
         distance = np.minimum(distance, np.sum((scaled - scaled[chosen[-1]]) ** 2, axis=1))
@@ -98,7 +97,7 @@ class Committee:
         self, measured: MeasuredMap, places: Array, formulas: Mapping[str, tuple[Array, Array]]
     ) -> None:
         self.places, self.scaled = places, measured.scaled(places)
-        self.largest = float(np.abs(measured.y).max()) or 1.0
+        self.largest = float(np.abs(measured.y).max())
         x = measured.scaled(measured.x)
         self._base = [elsewhere for _, elsewhere in formulas.values()]
         self._own: list[GaussianProcess] = [
@@ -172,7 +171,7 @@ def next_points(
         new = np.column_stack([~np.isin(column, values) for column, values in known])
         cost = np.maximum(new @ each, each.min()) if prices else np.ones(len(places))
         worth = committee.score / cost
-        number = int(np.argmax(np.where(free, worth, -1.0)))
+        number = int(np.argmax(np.where(free, worth, -np.inf)))
         chosen.append(number)
         half, error = float(committee.half[number]), float(committee.error[number])
         committee.add(number)

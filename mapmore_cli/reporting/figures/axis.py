@@ -106,14 +106,15 @@ class Axis:
             return {at: words for at, words in self.ticks.items() if low <= at <= high}
         if self.logarithmic:
             powers = 10.0 ** np.arange(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-            every = sorted(power * sub for power in powers for sub in self.subs)
+            every = [power * sub for power in powers for sub in self.subs]
             return {at: f"{at:g}" for at in every if low <= at <= high}
         ticks = nice_ticks(low, high, self.most)
-        step = ticks[1] - ticks[0] if len(ticks) > 1 else 1.0
-        digits = max(0, -math.floor(math.log10(step) + 1e-9) + (f"{step:e}"[2] == "5"))
-        if digits > 5 or max(map(abs, ticks), default=0) >= 1e6:
-            return {at: f"{at:g}" for at in ticks}
-        return {at: f"{at:.{digits}f}".replace("-", "\N{MINUS SIGN}") for at in ticks}
+        if len(ticks) > 1 and max(map(abs, ticks)) < 1e6:
+            step = ticks[1] - ticks[0]
+            digits = max(0, -math.floor(math.log10(step) + 1e-9) + (f"{step:e}"[2] == "5"))
+            if digits < 6:
+                return {at: f"{at:.{digits}f}".replace("-", "\N{MINUS SIGN}") for at in ticks}
+        return {at: f"{at:g}" for at in ticks}
 
 
 def nice_ticks(low: float, high: float, most: int) -> list[float]:
@@ -122,7 +123,7 @@ def nice_ticks(low: float, high: float, most: int) -> list[float]:
     """
     span = high - low
     # no ticks fit between two ends that differ only by rounding
-    if not (math.isfinite(span) and span > SAME * max(abs(low), abs(high))):
+    if not (math.isfinite(span) and span > SAME * abs(high)):
         return [low]
     power = 10.0 ** math.floor(math.log10(span / most))
     step = next(step for step in (1, 2, 2.5, 5, 10, 20) if span / (step * power) <= most) * power

@@ -54,7 +54,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
 
 
 def _short(value: float) -> str:
-    """Return a number as text with three significant digits. A number from 1000 to 100 000 is
-    rounded to an integer.
+    """Return a positive number or zero as text with three significant digits. A number from 1000
+    to 100 000 is rounded to an integer.
     """
-    return f"{value:.0f}" if 1000 <= abs(value) < 1e5 else f"{value:.3g}"
+    return f"{value:.0f}" if 1000 <= value < 1e5 else f"{value:.3g}"

@@ -24,7 +24,7 @@ Matplotlib (viridis).
 def colour_at(name: str, share: float) -> str:
     """Return the colour at the fraction `share` (0 to 1) of a colour map, as `#rrggbb`."""
     colours = np.array([list(bytes.fromhex(one)) for one in MAPS[name].split()], dtype=float)
-    place = np.clip(share, 0.0, 1.0) * (len(colours) - 1)
+    place = share * (len(colours) - 1)
     below = min(int(place), len(colours) - 2)
     mixed = colours[below] + (place - below) * (colours[below + 1] - colours[below])
     return "#" + bytes(round(one) for one in mixed).hex()

@@ -47,7 +47,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     if not inputs.timed:
         return [*fits, *training_figures(inputs)]
     loops = loop_figures(inputs) if inputs.has_memory else []
-    others = sorted({*range(len(curves))} - {*held_out})
+    others = [i for i in range(len(curves)) if i not in held_out]
     return [*loops, *fits, *curve_figures(inputs, "training", others)]
 
 

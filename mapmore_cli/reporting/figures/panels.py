@@ -140,20 +140,19 @@ def evenly(count: int, limit: int) -> list[int]:
 # --------------------------------------------------------------------------------------------------
 
 
-def plain_logarithm(ax: Axes, side: Literal["x", "y"], subs: Sequence[float] | None = None) -> None:
+def plain_logarithm(ax: Axes, side: Literal["x", "y"], subs: Sequence[float] = (1.0,)) -> None:
     """Give an axis a logarithmic scale with plain labels such as 0.5, 1, 2. `subs` are the
     multiples of the powers of ten that are labelled.
     """
     if is_sketch(ax):
         scaled = ax.xaxis if side == "x" else ax.yaxis
-        scaled.logarithmic, scaled.subs = True, subs or (1.0,)
+        scaled.logarithmic, scaled.subs = True, subs
         return
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis = ax.xaxis if side == "x" else ax.yaxis
     (ax.set_xscale if side == "x" else ax.set_yscale)("log")
-    if subs is not None:
-        axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_major_locator(LogLocator(subs=subs))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 

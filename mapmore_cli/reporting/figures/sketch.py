@@ -104,7 +104,7 @@ class Sketch:
         high: Any,
         *,
         color: Any,
-        alpha: float = 1.0,
+        alpha: float,
         label: str = "",
         **look: Any,
     ) -> None:
@@ -182,8 +182,8 @@ class Sketch:
         cmap: str,
         vmin: float,
         vmax: float,
-        edgecolors: str = "none",
-        linewidths: float = 0.3,
+        edgecolors: str,
+        linewidths: float,
     ) -> Shades:
         """Draw dots coloured by values."""
         self.xaxis.hold(x)

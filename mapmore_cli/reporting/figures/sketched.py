@@ -130,7 +130,7 @@ def _panel(
     left, start, width, height = frame
     size, right = style.size - 1, width - 6 - max(sheet.right for sheet in sheets)
     below = size + 3 + 1.3 * style.size
-    stop, gap = height - below - 4, 7.0 if len(sheets) > 1 else 0.0
+    stop, gap = height - below - 4, 7
     parts = [text(heading, left, start - 4, size)] if heading else []
     shares = [sheet.share for sheet in sheets]
     axes_height = stop - start - gap * (len(sheets) - 1)
