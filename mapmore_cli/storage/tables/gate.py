@@ -146,7 +146,7 @@ def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
     if len(last) < min(map(_filled, before), default=0):
         why = f"only {len(last)} fields, fewer than the lines before it"
     elif len(column) >= FEWEST_ROWS and (
-        (len(digits) == 1 and len(number.partition(end.decimal)[2]) < max(digits))
+        len(number.partition(end.decimal)[2]) < min(digits) == max(digits)
         or (number.endswith(end.decimal) and not any(map(is_pointed, column)))
     ):
         cell = shortened(number) or "which is empty"

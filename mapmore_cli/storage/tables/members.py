@@ -312,7 +312,7 @@ def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None
             what = (
                 f"'{name}' was sampled every {first.step:.6g} s, '{column}' every {told.step:.6g} s"
             )
-        elif abs(later) > 0.01 * abs(told.step):
+        elif abs(later / told.step) > 0.01:
             what = f"'{column}' begins {later:.6g} s after '{name}'"
         else:
             continue

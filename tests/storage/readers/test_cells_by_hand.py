@@ -216,6 +216,12 @@ def test_tables_below_each_other():
     assert [number for number, _ in (*labelled.header, *labelled.rows)] == [1, 2, 3, 4]
     parts = tables_below(rows("1;2\n3;4\n\n5;6\n7;8\nF;1\n1;2\n3;4"), 0, holds_number)
     assert [[number for number, _ in part.rows] for part in parts] == [[1, 2], [4, 5], [7, 8]]
+    # a row of another width stays in a table with titles, so that the reader refuses the row
+    (titled,) = tables_below(rows("x;y\n1;2\n3;4\n5;6;7"), 1, holds_number)
+    assert [number for number, _ in titled.rows] == [2, 3, 4]
+    # the name of the logger and the date are no title of the first table
+    text = "logger 7\n1 March\nrun 1\nx;y\n1;2\n3;4\nrun 2\nx;y\n5;6\n7;8"
+    assert [one.title for one in tables_below(rows(text), 1, holds_number)] == ["run 1", "run 2"]
 
 
 def test_a_table_is_chosen_by_its_number_from_one():
@@ -227,6 +233,8 @@ def test_a_table_is_chosen_by_its_number_from_one():
     for text in ("", "a;1;2", "a\n3;4"):
         with pytest.raises(DataError, match="contains no map"):
             chosen_table(rows(text), TableRequest("a", (), table="map"), holds_number)
+    short = chosen_table(rows("a;1;2\n3;4"), TableRequest("a", (), table="map"), holds_number)
+    assert [cells for _, cells in short.rows] == [["3", "1", "4"], ["3", "2", ""]]
 
 
 def test_cells_that_a_row_or_a_record_lacks_are_missing():

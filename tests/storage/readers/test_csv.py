@@ -189,6 +189,13 @@ def test_ordinary_lines_are_read_at_once(tmp_path, monkeypatch, text, dialect):
     assert [table.columns[place].tolist() for place in (0, 1)] == [[1, 3.5], [2, -400]]
 
 
+def test_a_time_stamp_of_digits_is_no_number(tmp_path):
+    """Although the other columns hold numbers only."""
+    asked = {"clocks": frozenset({"t"}), "formats": {"t": "%M%S"}}
+    table = csv_table(tmp_path / "a", b"t,F\n0130,1.5\n0200,2\n", "t", "F", **asked)
+    assert [one.tolist() for one in table.columns.values()] == [[90, 120], [1.5, 2]]
+
+
 def test_numbers_are_those_of_python_to_the_last_bit(tmp_path, monkeypatch):
     """With up to 770 digits: halfway between two neighbours, and among the smallest."""
     monkeypatch.setattr("mapmore_cli.storage.readers.csv.values_of_records", None)

@@ -25,6 +25,8 @@ from mapmore_cli.storage.tables.overview import NumberColumn, _log, _sample_time
         *((text.encode("cp1252"), "cp1252") for text in ("ÄÖÜ ÀÉ ä", "l’été – “n”", "²³ µm °C")),
         ("Young’s modulus".encode("cp1252"), "cp1252"),
         ("时间(秒);压力".encode("gbk")[:-1], "gb18030"),
+        # at least half of the characters of two bytes are frequent letters
+        *(("力（".encode("gbk"), "gb18030"), ("力（）".encode("gbk"), "cp1252")),
         (b"a;b" + b"\0" * 99, "utf-8"),
         # more than 35 of 100 bytes are zeros among the upper bytes
         (b"a\0" * 36 + b"aa" * 14, "utf-16-le"),
@@ -74,7 +76,11 @@ def test_blocks_hold_whole_lines(monkeypatch):
 def test_lines_and_texts_that_are_no_tables(monkeypatch):
     monkeypatch.setattr(module, "CHUNK", 4)
     monkeypatch.setattr(module, "LONGEST", 8)
-    assert [*lines_of(b"1\n12345678\n")] == ["1\n", "12345678\n"]
+    for text in (b"1\n12345678\n", b"12345678\n"):
+        assert "".join(lines_of(text)).encode() == text
+    device = lines_of(b"\0" * 8)
+    device.endless = True
+    assert [*device] == []
     with pytest.raises(DataError, match=r"a.csv:row 2: is longer"):
         list(lines_of(b"1\n1234567890123\n"))
     with pytest.raises(DataError, match=r"zero:row 1: is longer"):
@@ -93,7 +99,8 @@ def test_records_of_fields_and_the_number_of_their_last_line():
         ("4,5", ["4", "5"], 6),
     ]
     assert records('"20"1.2,3\n')[0][1] == ['"20"1.2', "3"]
-    for swallowed in (['"1\n', "2,3\n", '4",5\n'], ['"1\n', "2\n"]):
+    assert records('"a\x0b1,2",3\n')[0][1] == ["a\x0b1,2", "3"]  # a tabulator ends no line
+    for swallowed in (['"1\n', "2,3\n", '4",5\n'], ['"1\n', "2\n"], ['"1\n', "a,3\n", '4",5\n']):
         with pytest.raises(DataError, match=r"a.csv:row 2: a quotation mark opens here"):
             records("a,b\n", *swallowed)
 

@@ -18,7 +18,13 @@ from mapmore_cli.storage.tables.members import (
     size_in_words,
     tables,
 )
-from mapmore_cli.storage.tables.overview import TreeMember, _columns_of, _places
+from mapmore_cli.storage.tables.overview import (
+    TreeMember,
+    _columns_of,
+    _first_recording,
+    _places,
+    first_rows,
+)
 
 WHOLE = slice(None)
 
@@ -36,7 +42,7 @@ def test_addresses_are_names_and_indices(text, steps):
 
 
 @pytest.mark.parametrize(
-    "text", ["a..b", "a.", "a[", "a[]", "a[-1]", "a[1.5]", "a[x]", "a.[1]", "a]"]
+    "text", ["a..b", "a.", "a[", "a[]", "a[-1]", "a[1.5]", "a[x]", "a[0,x]", "a.[1]", "a]"]
 )
 def test_other_addresses_are_refused(text):
     with pytest.raises(DataError, match="not a valid"):
@@ -127,7 +133,7 @@ def test_columns_of_different_length_are_cut_to_the_shortest():
 @pytest.mark.parametrize(
     ("step", "start", "words"),
     [
-        *((0.1, 5.0, ""), (0.1 * (1 + 0.9e-6), 5.0, ""), (0.1, 5.00099, ""), (0.0, 9.0, "")),
+        *((0.1, 5.0, ""), (0.1 * (1 + 0.9e-6), 5.0, ""), (0.1, 5.001, ""), (0.0, 9.0, "")),
         *((0.1 * (1 + 1.1e-6), 5.0, "sampled every 0.1 s"), (0.2, 5.0, "'y' every 0.2 s")),
         *((0.1, 5.0011, "begins 0.0011 s after 'x'"), (0.1, 4.9989, "begins -0.0011 s")),
     ],
@@ -168,6 +174,20 @@ def test_a_survey_is_of_five_hundred_members_and_tables_of_64_columns():
         columns = [*_columns_of(TreeMember("m", "m", "", numbers(np.ones(shape))), 5)]
         assert len(columns) == count
         assert all((one.length, one.values.size) == (100, 5) for one in columns)
+
+
+@pytest.mark.parametrize(("beside", "is_one"), [([[7.0]], True), ([[1.0, 2.0, 3.0]], False)])
+def test_groups_beside_columns_are_no_recordings(beside, is_one):
+    """But they may stand beside single values, for example of settings."""
+    log = tree({"x": numbers([1.0, 2.0]), "y": numbers([3.0, 4.0])})
+    first = _first_recording(tree({"a": numbers(beside), "run_1": log, "run_2": log}))
+    assert (first is log) is is_one
+
+
+def test_columns_of_a_log_are_titled_if_one_of_them_has_a_name():
+    log = {"t": numbers([0.0, 0.5]), "m": numbers([[1.0, 2.0], [3.0, 4.0]])}
+    assert first_rows(tree(log), 9).rows == [["t", "m[:,0]", "m[:,1]"], (0, 1, 2), (0.5, 3, 4)]
+    assert first_rows(tree({"m": log["m"]}), 9).rows == [(1, 2), (3, 4)]
 
 
 def test_a_member_among_many_is_found_at_once():
