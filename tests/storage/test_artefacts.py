@@ -74,7 +74,7 @@ def test_files_of_older_formats_are_read(version, tmp_path):
 
 
 def test_a_column_of_a_recording_and_its_curve_is_stored_once(tmp_path):
-    path, force = tmp_path / "ingest.h5", np.arange(5000.0)
+    path, force = tmp_path / "ingest.h5", np.arange(4096.0)
     recording = Recording("r", "r.csv", {"force": force}, force.size, {})
     curve = Curve("r", None, {"force": force}, np.zeros(force.size, dtype=bool), ("r",))
     quantities = {"force": Quantity("force", "N")}

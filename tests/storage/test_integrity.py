@@ -9,6 +9,7 @@ from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from threading import Thread
+from typing import Any
 
 import h5py
 import numpy as np
@@ -27,6 +28,8 @@ from mapmore_cli.domain.models import Memory
 from mapmore_cli.domain.recording import Signal
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.storage import artefacts
+from mapmore_cli.storage.artefacts import hdf5
+from mapmore_cli.storage.artefacts.decoding import Decoder
 from mapmore_cli.storage.run_record import refuse_newer
 
 CURVE = "body/curves/000"
@@ -288,6 +291,53 @@ def test_what_the_format_does_not_know_is_refused_before_it_is_read(
     with pytest.raises(DataError, match="is not a valid model: ") as caught:
         artefacts.read_model(model)
     assert words in caught.value.message
+
+
+@pytest.mark.parametrize("beyond", [0, 1])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda file, beyond: [file.attrs.create(f"a{i}", 1) for i in range(100 + beyond)],
+        lambda file, beyond: file.attrs.create("a", np.zeros(512 + beyond)),
+        lambda file, beyond: file.create_group("/".join(["a"] * (61 + beyond))),
+        lambda file, beyond: file.create_dataset("a", data=np.zeros(1000 + beyond)),
+        lambda file, beyond: file.create_dataset("a", (1,), "f8", chunks=(1000 + beyond,),
+            maxshape=(None,)),
+    ],
+    ids=["attributes", "bytes of an attribute", "depth", "values", "chunk"],
+)  # fmt: skip
+def test_a_file_may_be_as_large_as_a_limit_says_and_not_larger(change, beyond, monkeypatch):
+    monkeypatch.setattr(hdf5, "ROOM", 8000)
+    with h5py.File("a", "w", driver="core", backing_store=False) as file:
+        change(file, beyond)
+        with pytest.raises(hdf5.Invalid) if beyond else nullcontext():
+            hdf5.look_over(file, 0)
+
+
+def test_texts_and_paths_may_be_as_long_as_a_limit_says(monkeypatch):
+    monkeypatch.setattr(hdf5, "DOCUMENT", 2)
+    with h5py.File("a", "w", driver="core", backing_store=False) as file:
+        for length, word in ((4096, "x" * 4096), (4097, None)):
+            file.attrs["kind"] = np.bytes_("x" * length)
+            assert hdf5.root_text(file, "kind") == word
+        hdf5.put_text(file, "document", "{}", "")
+        assert hdf5.take_document(file) == ("{}", {})
+        del file["document"]
+        hdf5.put_text(file, "document", "{} ", "")
+        with pytest.raises(hdf5.Invalid, match="is not a text of at most"):
+            hdf5.take_document(file)
+    decoder, deepest = Decoder(None, False), "/" * 60
+    assert decoder.value("x", str, deepest, (), {}) == "x"
+    with pytest.raises(hdf5.Invalid, match="more than 60 fields deep"):
+        decoder.value("x", str, f"{deepest}/", (), {})
+
+
+def test_an_array_of_a_file_is_not_copied():
+    """A long array is a part of the file that is mapped into memory."""
+    values = np.zeros(3)
+    decoder = Decoder(lambda *_: values, False)
+    found = decoder.value({"array": "x"}, np.ndarray[Any, np.dtype[np.float64]], "x", ("n",), {})
+    assert np.shares_memory(found, values)
 
 
 def test_attributes_that_refer_to_one_text_many_times_are_not_read(model):

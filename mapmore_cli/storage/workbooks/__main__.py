@@ -92,7 +92,7 @@ def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], l
             columns |= {*range(first, min(last + 1, width))}
         elif said == HIDDEN:
             rows |= {*range(top, min(bottom + 1, height))}
-    return sorted(rows), sorted(columns)
+    return [*rows], [*columns]
 
 
 def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:

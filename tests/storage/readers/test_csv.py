@@ -14,6 +14,7 @@ from reading import csv_table, refusal
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, TableRequest
+from mapmore_cli.storage.readers.csv import below_csv
 from mapmore_cli.storage.tables.fields import values_of_records
 
 PATIENT = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -387,6 +388,15 @@ def test_a_last_line_that_was_cut_off_is_refused_in_every_table(tmp_path, kind, 
     )
     found = table.columns[column]
     np.testing.assert_array_equal(found[np.isfinite(found)], whole.columns[column][:-samples])
+
+
+@pytest.mark.parametrize(("header", "between"), [(1, "run 2\nt,F\n"), (0, "\n")])
+def test_a_long_text_is_read_to_its_end_only_if_a_table_may_stand_below(tmp_path, header, between):
+    path, half = tmp_path / "a.csv", "1,2\n" * 150
+    for text, count in ((half * 2, 200 - header), (f"{half}{between}{half}", 300)):
+        path.write_text("t,F\n" * header + text)
+        tables = below_csv(path, TableRequest("a.csv", (), header=header))
+        assert sum(len(table.rows) for table in tables) == count
 
 
 def test_a_last_line_whose_last_cell_is_empty_is_refused_in_words_that_say_so(tmp_path):

@@ -188,6 +188,8 @@ def test_columns_of_a_log_are_titled_if_one_of_them_has_a_name():
     log = {"t": numbers([0.0, 0.5]), "m": numbers([[1.0, 2.0], [3.0, 4.0]])}
     assert first_rows(tree(log), 9).rows == [["t", "m[:,0]", "m[:,1]"], (0, 1, 2), (0.5, 3, 4)]
     assert first_rows(tree({"m": log["m"]}), 9).rows == [(1, 2), (3, 4)]
+    dates = {"t": numbers(np.array([0, 60], "M8[s]")), "x": numbers([1.0, 2.0])}
+    assert first_rows(tree(dates), 9).rows == [["t", "x"], (0, 1), (60, 2)]
 
 
 def test_a_member_among_many_is_found_at_once():

@@ -77,7 +77,7 @@ def test_a_sheet_may_span_as_many_cells_as_the_file_has_bytes_for(tmp_path, monk
 
 def test_hidden_rows_and_columns_end_with_the_cells():
     facts = [hidden_rows(1, 2), hidden_rows(2, 9), hidden_columns(1, 9), (0, 0, 0, 0, PERCENT)]
-    assert _hidden(facts, [["a", "b", "c"]] * 4) == ([1, 2, 3], [1, 2])
+    assert [*map(set, _hidden(facts, [["a", "b", "c"]] * 4))] == [{1, 2, 3}, {1, 2}]
     assert _hidden([hidden_rows(0, 0), hidden_columns(0, 0)], [["a", "b"]] * 2) == ([0], [0])
     assert _hidden(facts, []) == ([], [])
 
