@@ -111,9 +111,7 @@ def _breaks_off(stream: BinaryIO) -> bool:
         stream.seek(position)
         lead_in = stream.read(LEAD_IN)
         if len(lead_in) < LEAD_IN or not lead_in.startswith(TAG):
-            # if the tag is missing at the beginning of the file, the file is no TDMS file; if it is
-            # missing at a later segment, the file is incomplete
-            return position > 0
+            return True  # npTDMS raises an error for a file that does not begin with a tag
         order: Literal["big", "little"] = "big" if lead_in[4] >> 6 & 1 else "little"
         # the length is 2^64 - 1 if LabVIEW crashed while it wrote the segment
         length = int.from_bytes(lead_in[12:20], order)

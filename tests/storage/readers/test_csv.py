@@ -14,7 +14,7 @@ from reading import csv_table, refusal
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, TableRequest
-from mapmore_cli.storage.readers.csv import below_csv
+from mapmore_cli.storage.readers.csv import below_csv, peek_csv
 from mapmore_cli.storage.tables.fields import values_of_records
 
 PATIENT = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -388,6 +388,16 @@ def test_a_last_line_that_was_cut_off_is_refused_in_every_table(tmp_path, kind, 
     )
     found = table.columns[column]
     np.testing.assert_array_equal(found[np.isfinite(found)], whole.columns[column][:-samples])
+
+
+def test_a_text_is_split_in_the_same_order_of_ways_in_every_process(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text('t,F\n"1,5","2,5"\n')
+    ways = [(top.settings, [*map(len, top.rows)]) for top in peek_csv(path, 9)]
+    assert ({"decimal": ","}, [2, 2]) in ways  # a comma is both delimiter and decimal mark
+    path.write_text("t F\n1 234\n1'234\n1,234.5\n1.234,5\n")
+    marks = dict.fromkeys(top.settings.get("thousands") for top in peek_csv(path, 9))
+    assert [*marks] == [None, " ", "'", ",", "."]
 
 
 @pytest.mark.parametrize(("header", "between"), [(1, "run 2\nt,F\n"), (0, "\n")])

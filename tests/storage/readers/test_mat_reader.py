@@ -18,7 +18,7 @@ from reading import element, opaque_mat, refusal, tables_of, timetable_of_73
 from scipy import sparse
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers import READERS
+from mapmore_cli.storage.readers import READERS, mat
 from mapmore_cli.storage.tables.matlab_objects import REMEDIES, object_of_matlab
 
 # SciPy 1.18 says so of `loadmat`, which is the oracle here
@@ -288,6 +288,27 @@ def test_files_that_declare_far_too_much_are_refused_at_once(tmp_path, variable,
     path = tmp_path / "a.mat"
     path.write_bytes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + variable)
     assert peak_memory(lambda: refusal(["a.mat: ", told], "mat", path, "x", root=None)) < 400e6
+
+
+@pytest.mark.parametrize(("most", "readable"), [(3, True), (2, False)])
+def test_a_cell_array_has_at_most_as_many_elements_as_a_limit_says(
+    tmp_path, monkeypatch, most, readable
+):
+    monkeypatch.setattr(mat, "MOST_ELEMENTS", most)
+    cells = np.empty(3, dtype=object)
+    cells[:] = [T, T + 1, T + 2]
+    scipy.io.savemat(tmp_path / "a.mat", {"x": cells})
+    if readable:
+        assert values(tmp_path / "a.mat", "x[2]") == list(T + 2)
+    else:
+        refusal(["'x' is a cell array or a struct with more"], "mat", tmp_path / "a.mat", "x[2]")
+
+
+@pytest.mark.parametrize("version", ["4", "5"])
+def test_variables_are_listed_in_alphabetical_order(tmp_path, version):
+    scipy.io.savemat(tmp_path / "a.mat", {"t": T, "F": T, "P": T}, format=version)
+    (top,) = READERS["mat"].peek(tmp_path / "a.mat", 3)
+    assert top.addresses == ("F", "P", "t")
 
 
 @pytest.mark.parametrize("version", ["4", "5"])

@@ -196,6 +196,12 @@ def test_a_large_workbook_may_take_more_memory_and_time(tmp_path, monkeypatch):
     assert given == [[10**9 + 200, 10], [10**9 + 200 * 3_000_000, 13]]
 
 
+def test_a_single_text_says_nothing_about_the_decimal_mark_of_a_sheet():
+    """Because a title can look like a number."""
+    for texts, mark in ((["1,5"], None), (["1,5", "2,25"], ","), (["1,5", "2.5", "3.5"], ".")):
+        assert xlsx._decimal_in_texts([["t", 0.5], texts]) == mark
+
+
 def test_a_column_with_a_cell_in_per_cent_is_a_ratio():
     for cells, units in (((xlsx.Percentage(0.5), 2.0), ("1", "")), ((0.5, 2.0), ())):
         sheet = xlsx.SheetCells("a", True, [["x", "F"], [*cells]], [], [])
