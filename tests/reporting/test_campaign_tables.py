@@ -8,11 +8,17 @@ import pytest
 from matplotlib.figure import Figure
 from report_builder import Page, score
 
-from mapmore_cli.annexes.campaigns.figure import BEST_OTHER, MOST_RUNS, campaign_figures
+from mapmore_cli.annexes.campaigns.figure import (
+    BEST_OTHER,
+    MOST_RUNS,
+    ROUNDING,
+    campaign_figures,
+)
 from mapmore_cli.annexes.campaigns.page import render_campaign, scores_of
 from mapmore_cli.annexes.campaigns.tables import (
     CampaignScores,
     campaign_tables,
+    models_table,
     nrmse_table,
     published_table,
 )
@@ -146,6 +152,10 @@ def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out():
     )
     assert table.rows == (("a", "mapmore", 2.0, 13.7, 2.0),)
     assert table.notes == ("Published: a paper.",)
+    both = {"mapmore": 13.7, "sarosi": 9.0}
+    paper = Published("a paper", rmse=both, nrmse={"mapmore": 0.1})
+    table = published_table(CampaignScores(runs, published={"a": paper}))
+    assert [row[-1] for row in table.rows] == [10.0, None]
 
 
 def test_tables_without_rows_are_left_out():
@@ -166,6 +176,9 @@ def test_nothing_is_in_proportion_to_an_error_of_zero():
         runs_of("a mapmore 1 sarosi 0 repeatability 0"), relative_to="sarosi", best_of=["sarosi"]
     )
     assert nrmse_table(scores).rows[1][1] is None
+    exact = CampaignScores(runs_of("a mapmore 0 sarosi 2"), relative_to="sarosi")
+    assert [row[1] for row in nrmse_table(exact).rows[1:]] == [None, 0, "1 of 1"]
+    assert [row[3] for row in models_table(exact).rows] == [None, None]
 
 
 def test_runs_with_few_models_in_common_are_listed():
@@ -187,7 +200,8 @@ def test_runs_with_few_models_in_common_are_listed():
     assert [row[3] for row in table.rows] == pytest.approx(
         [None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None]
     )
-    assert not CampaignScores(runs_of("a mapmore 2 sarosi 4; b mapmore 1")).sparse
+    for fuller in ("a mapmore 2 sarosi 4; b mapmore 1", "a mapmore 2; b sarosi 4"):
+        assert not CampaignScores(runs_of(fuller)).sparse
 
 
 def test_scores_of_runs_have_the_groups_and_references_of_their_campaign():
@@ -244,6 +258,35 @@ def test_the_figure_of_a_campaign_has_a_row_for_each_run():
         assert campaign_figures(CampaignScores(runs_of(few))) == []
     without = campaign_figures(CampaignScores(runs_of("a mapmore 2; b mapmore 3")))
     assert [*drawn_lines(without[0])[0]] == ["mapmore"]
+
+
+def test_an_error_of_rounding_is_not_drawn():
+    errors = {"a": 0.5 * ROUNDING, "b": ROUNDING, "c": 2 * ROUNDING, "d": 1e-3}
+    runs = {name: [replace(row("mapmore", 1), nrmse=nrmse)] for name, nrmse in errors.items()}
+    (drawing,) = campaign_figures(CampaignScores(runs))
+    assert "mapmore in a, b." in drawing.alt
+    assert drawn_lines(drawing)[0]["mapmore"][1] == [2, 3]
+    assert ROUNDING == 1e-10
+
+
+def test_rows_of_the_figure_have_room_for_their_dots():
+    def figure_of(count):
+        text = "; ".join(f"r{n} mapmore 2 sarosi 3 repeatability 1" for n in range(count))
+        return campaign_figures(CampaignScores(runs_of(text)))[0]
+
+    few, many = map(figure_of, (2, 12))
+    step = (many.grid.height - few.grid.height) / 10  # inches of a row; a point is 1/72 of an inch
+    assert 0.1 < step < 0.5
+    assert 0 < few.grid.height - 2 * step < 1
+    ax = drawn_lines(many)[1]
+    assert all(3 < line.get_markersize() < 0.8 * 72 * step for line in ax.lines)
+    assert all(line.get_markeredgewidth() < 2 for line in ax.lines)
+    (rows,) = ax.collections
+    assert all(part[:, 0].tolist() == [0, 1] for part in rows.get_segments())
+    assert rows.get_linewidth()[0] < 1
+    assert rows.get_zorder() < min(line.get_zorder() for line in ax.lines)
+    labelled = ax.xaxis.get_major_locator().tick_values(0.7, 7)
+    assert {1, 2, 5} <= {*labelled.round(6)} <= {0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100}
 
 
 def test_of_very_many_runs_some_are_drawn_and_the_best_is_among_them():
