@@ -14,7 +14,7 @@ from mapmore_cli.annexes.campaigns.figure import (
     ROUNDING,
     campaign_figures,
 )
-from mapmore_cli.annexes.campaigns.page import render_campaign, scores_of
+from mapmore_cli.annexes.campaigns.page import render_campaign, scores_of, write_page
 from mapmore_cli.annexes.campaigns.tables import (
     CampaignScores,
     campaign_tables,
@@ -227,6 +227,14 @@ def test_scores_of_runs_have_the_groups_and_references_of_their_campaign():
     assert scores.best_of == ["sarosi"]
 
 
+def test_a_page_is_written_again_and_also_if_no_run_has_made_a_folder(tmp_path):
+    runs = [SimpleNamespace(group=None)]
+    campaign = SimpleNamespace(campaign="all", title="", runs=runs, relative_to=None, best_of=())
+    for _ in range(2):
+        page, _ = write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", print)
+        assert "lost" in page.read_text()
+
+
 def drawn_lines(drawing):
     """The dots of each model: errors in per cent, and the rows of the runs."""
     ax = Figure().subplots()
@@ -272,7 +280,7 @@ def test_an_error_of_rounding_is_not_drawn():
 def test_rows_of_the_figure_have_room_for_their_dots():
     def figure_of(count):
         text = "; ".join(f"r{n} mapmore 2 sarosi 3 repeatability 1" for n in range(count))
-        return campaign_figures(CampaignScores(runs_of(text)))[0]
+        return campaign_figures(CampaignScores(runs_of(text), relative_to="sarosi"))[0]
 
     few, many = map(figure_of, (2, 12))
     step = (many.grid.height - few.grid.height) / 10  # inches of a row; a point is 1/72 of an inch

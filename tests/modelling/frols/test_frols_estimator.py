@@ -1,6 +1,7 @@
 """`FROLS` keeps the protocol of scikit-learn, and says what the engine says."""
 
 import numpy as np
+import pyarrow as pa
 import pytest
 from common import python
 from sklearn.model_selection import GridSearchCV
@@ -124,6 +125,12 @@ X = np.column_stack([np.arange(6.0), np.arange(6.0) ** 2])
 def test_tables_that_cannot_be_fitted(table, target, words):
     with pytest.raises((ValueError, TypeError), match=words):
         mm.FROLS().fit(table, target)
+
+
+def test_two_samples_are_enough_and_names_that_are_no_identifiers_are_numbered():
+    table = pa.table({"a": [0.0, 1.0], "b c": [0.0, 0.0]})
+    model = mm.FROLS(order=1, max_terms=2, tolerance=0.0).fit(table, [1.0, 3.0])
+    assert dict(zip(model.terms_, model.coef_, strict=True)) == pytest.approx({"1": 1, "x0": 2})
 
 
 def test_a_model_predicts_tables_of_the_columns_that_it_was_fitted_to():

@@ -25,6 +25,13 @@ def test_no_two_readers_claim_a_suffix():
     assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in suffixes)
 
 
+def test_columns_have_numbers_in_all_formats_but_those_that_name_each_column():
+    assert {reader.name for reader in READERS.values() if not reader.by_index} == {
+        "parquet",
+        "tdms",
+    }
+
+
 @pytest.mark.parametrize("reader", READERS)
 def test_a_file_that_vanished(tmp_path, reader):
     refusal(["cannot be read: No such file"], reader, tmp_path / "gone", 0, header=0)

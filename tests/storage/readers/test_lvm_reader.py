@@ -68,6 +68,7 @@ def test_separators_and_times_are_those_that_the_file_says(tmp_path, text):
     np.testing.assert_array_equal(table.columns["F"], [1.25, 2.25, 3.25])
     assert [table.noted[name].unit for name in (0, "P", "F")] == ["s", "kPa", "N"]
     assert (table.noted["F"].step, table.doubts) == (0.1, ())
+    assert not table.noted["F"].is_scaled
     refusal(["a.lvm: there is no column 'p'", "Did you mean 'P'?"], "lvm", path, "p")
 
 

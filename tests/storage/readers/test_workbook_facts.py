@@ -4,6 +4,7 @@ from contextlib import nullcontext
 from datetime import date, datetime, time
 from struct import pack
 from types import SimpleNamespace
+from zipfile import ZipFile
 
 import pytest
 from reading import workbook, xlsb_record
@@ -75,6 +76,79 @@ def test_a_sheet_may_span_as_many_cells_as_the_file_has_bytes_for(tmp_path, monk
             assert (title, is_visible, cells) == ("a", True, [[1, 2, 3], [4, 5, 6]])
 
 
+def test_rows_at_the_end_that_hold_formulas_only_belong_to_the_sheet(tmp_path, monkeypatch):
+    """The library leaves out rows at the end that have no value."""
+    workbook(tmp_path / "a.xlsx", a=[[1, "x"], ["=A1"], ["=A2"]])
+    lacking = [{"lacks": ""}, ""]
+    for most, rows in ((0, 3), (3, 3), (2, 2), (1, 1)):
+        ((_, _, cells, *_),) = program.sheets_of(tmp_path / "a.xlsx", most)
+        assert cells == [[1, "x"], lacking, lacking][:rows]
+    monkeypatch.setattr(program, "CELLS_OF_BYTE", 0)
+    for room, rows in ((6, 3), (5, 1)):
+        monkeypatch.setattr(program, "MOST_CELLS", room)
+        ((_, _, cells, *_),) = program.sheets_of(tmp_path / "a.xlsx", 0)
+        assert len(cells) == rows
+
+
+def test_cells_are_counted_from_the_corner_of_the_sheet(tmp_path):
+    workbook(tmp_path / "a.xlsx", a=[[], [None, 7]])
+    ((_, _, cells, *_),) = program.sheets_of(tmp_path / "a.xlsx", 0)
+    assert cells == [["", ""], ["", 7]]
+
+
+def test_a_sheet_may_use_one_of_several_formats_in_per_cent(tmp_path):
+    book = workbook(tmp_path / "a.xlsx", a=[[0.2]], b=[[0.3]])
+    book["a"]["A1"].number_format, book["b"]["A1"].number_format = "0%", "0.00%"
+    book.save(tmp_path / "a.xlsx")
+    with ZipFile(tmp_path / "a.xlsx") as archive:
+        for title in "ab":
+            assert [*markup.facts_of(archive, title)] == [(0, 0, 0, 0, PERCENT)]
+
+
+NO_SECTOR = 0xFFFFFFFF
+
+
+def compound(stream, listed_apart):
+    """Return a file of sectors of 512 bytes with this stream ([MS-CFB]). A stream of fewer than
+    4096 bytes stands in sectors of 64 bytes of another stream. The sector of the table is listed in
+    the header, or apart from it in a sector of its own.
+    """
+    is_small = len(stream) < 4096
+    content = stream + bytes(-len(stream) % 512)
+    count = len(content) // 512
+
+    def chain(first, length):
+        return [*range(first + 1, first + length), NO_SECTOR - 1]
+
+    # the sectors: table, list of tables, directory, small table, and the contents
+    table = [NO_SECTOR - 2, NO_SECTOR - 3, *chain(2, 1), *chain(3, 1), *chain(4, count)]
+    small = chain(0, -(-len(stream) // 64)) if is_small else []
+
+    def sector(numbers):
+        return pack("<128I", *numbers, *[NO_SECTOR] * (128 - len(numbers)))
+
+    def entry(name, start, length):
+        text = (name + "\0").encode("utf-16-le")
+        return text.ljust(64, b"\0") + pack("<H50x2I4x", len(text), start, length)
+
+    directory = entry("Root Entry", 4, len(content)) + entry("Workbook", 0 if is_small else 4,
+        len(stream)) + bytes(256)  # fmt: skip
+    tables = [NO_SECTOR] * 109 if listed_apart else [0, *[NO_SECTOR] * 108]
+    apart = 1 if listed_apart else NO_SECTOR - 1
+    head = binary.BEGINS.ljust(30, b"\0") + pack("<2H14x", 9, 6)
+    head += pack("<6I", 2, 0, 4096, 3, 1, apart) + pack("<I", 1) + pack("<109I", *tables)
+    more = sector([0, *[NO_SECTOR] * 126, NO_SECTOR - 1])
+    return b"".join([head, sector(table), more, directory, sector(small), content])
+
+
+@pytest.mark.parametrize("size", [1, 64, 4095, 4096, 9000, 60_000])
+def test_the_stream_of_an_old_workbook_is_a_chain_of_sectors(size):
+    stream = bytes(place * place % 251 for place in range(size))
+    # only a long file has so many tables that they are listed apart from the header
+    for listed_apart in (False, True) if size == 60_000 else (False,):
+        assert binary._stream(compound(stream, listed_apart)) == stream
+
+
 def test_hidden_rows_and_columns_end_with_the_cells():
     facts = [hidden_rows(1, 2), hidden_rows(2, 9), hidden_columns(1, 9), (0, 0, 0, 0, PERCENT)]
     assert [*map(set, _hidden(facts, [["a", "b", "c"]] * 4))] == [{1, 2, 3}, {1, 2}]
@@ -104,6 +178,7 @@ def test_records_of_a_substream_end_with_it():
     assert [kind for kind, _ in binary._records(stream, 0)] == [0x809, 0x809, 0x0A, 0x85, 0x0A]
     assert [kind for kind, _ in binary._records(stream, 4)] == [0x809, 0x0A]
     assert [*binary._records(record(0x809) + record(0x85, b"ab"), 0)][1] == (0x85, b"ab")
+    assert [*binary._records(record(0x809) + record(0x85), 0)][1:] == [(0x85, b"")]
 
 
 def stream_of(settings, sheets):
@@ -169,7 +244,11 @@ def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
     styles = styles[0] + xlsb_record(617) + styles[1] + styles[2] + xlsb_record(618) + styles[3]
     own = [
         *(xlsb_record(60, 1, 2, 0, 0, value=b"\1\0"), xlsb_record(60, 4, 5, 0, 0, value=b"\2\0")),
-        *(xlsb_record(0, 3, 0, 0), xlsb_record(0, 7, 0, value=bytes([0, 0, 0, 16]))),
+        *(
+            xlsb_record(0, 3, 0, 0),
+            xlsb_record(0, 4, 0, value=bytes(3)),
+            xlsb_record(0, 7, 0, value=bytes([0, 0, 0, 16])),
+        ),
         *(
             xlsb_record(5, 2, 1, 0, 0),
             xlsb_record(5, 3, 2, 0, 0),
