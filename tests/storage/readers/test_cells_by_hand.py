@@ -130,7 +130,13 @@ def test_words_and_empty_cells_hold_no_number():
     [
         *(([950, 1.05, 1.999], True), ([950, -1.001, np.nan], True), ([999, 1.05], True)),
         *(([1000, 1.05], False), ([950, 940], False), ([1.05, 1.07], False)),
-        *(([950, 0.999], False), ([950, 1.0505], False), ([], False), ([0, 1.001], True)),
+        *(
+            ([950, 0.999], False),
+            ([950, 1.0505], False),
+            ([950, 1.000000005], False),
+            ([], False),
+            ([0, 1.001], True),
+        ),
     ],
 )
 def test_numbers_that_may_have_thousands(values, may_be, monkeypatch):
