@@ -176,9 +176,10 @@ def test_nothing_is_in_proportion_to_an_error_of_zero():
         runs_of("a mapmore 1 sarosi 0 repeatability 0"), relative_to="sarosi", best_of=["sarosi"]
     )
     assert nrmse_table(scores).rows[1][1] is None
-    exact = CampaignScores(runs_of("a mapmore 0 sarosi 2"), relative_to="sarosi")
-    assert [row[1] for row in nrmse_table(exact).rows[1:]] == [None, 0, "1 of 1"]
-    assert [row[3] for row in models_table(exact).rows] == [None, None]
+    runs = runs_of("a mapmore 0 sarosi 2; b mapmore 1 sarosi 2")
+    exact = CampaignScores(runs, relative_to="sarosi")
+    assert [row[1] for row in nrmse_table(exact).rows[2:]] == [None, 0.5, "2 of 2"]
+    assert [row[3] for row in models_table(exact).rows] == [None, None, None, 2]
 
 
 def test_runs_with_few_models_in_common_are_listed():

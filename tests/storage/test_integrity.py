@@ -86,6 +86,13 @@ def test_forms_that_cannot_be_are_named(change, words, model):
     assert "delete" not in str(caught.value)
 
 
+def test_columns_of_a_curve_have_one_length(tmp_path):
+    artefacts.write_dataset(tmp_path / "x.h5", examples()["dataset"])
+    path = changed(tmp_path / "x.h5", put("curves/0/columns/force/shape", [4]))
+    with pytest.raises(DataError, match="columns/force, has 4 values, but other arrays with the"):
+        artefacts.read_dataset(path)
+
+
 def parts_that_do_not_fit():
     """Records that the writer takes, and that no stage makes."""
     model, (curve,), fit = examples()["model"], examples()["segmentation"], examples()["fit"]

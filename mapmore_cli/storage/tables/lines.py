@@ -236,7 +236,7 @@ class Lines(Iterator[str]):
         tail = data[begin:]
         self.padding += sum(tail.count(PADDING[i : i + 1]) for i in range(len(PADDING)))
         # only as many fill characters are stored as the longest line of a table may have
-        self._tail = (self._tail + tail)[: LONGEST + 1]
+        self._tail = (self._tail + tail)[:LONGEST]
         return data[:begin]
 
 

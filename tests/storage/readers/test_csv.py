@@ -398,6 +398,11 @@ def test_a_text_is_split_in_the_same_order_of_ways_in_every_process(tmp_path):
     path.write_text("t F\n1 234\n1'234\n1,234.5\n1.234,5\n")
     marks = dict.fromkeys(top.settings.get("thousands") for top in peek_csv(path, 9))
     assert [*marks] == [None, " ", "'", ",", "."]
+    for way in (top.settings for top in peek_csv(path, 9)):
+        delimiter = way.get("delimiter", ",").replace("whitespace", " ")
+        others = way.get("decimal", "."), delimiter
+        assert others != (",", ",")
+        assert way.get("thousands") not in others
 
 
 @pytest.mark.parametrize(("header", "between"), [(1, "run 2\nt,F\n"), (0, "\n")])

@@ -73,6 +73,18 @@ def test_blocks_hold_whole_lines(monkeypatch):
     assert (lines.taken, lines.rows) == (9, 2)
 
 
+@pytest.mark.parametrize(("kept", "last"), [(100, ["34", "5", "6"]), (4, ["5", "6"])])
+def test_the_last_lines_of_a_text_are_whole(monkeypatch, kept, last):
+    for name, number in (("CHUNK", 4), ("KEPT", kept), ("LAST_LINES", 3)):
+        monkeypatch.setattr(module, name, number)
+    lines = lines_of(b"12\n34\n5\n6")
+    assert len([*lines]) == 4
+    assert lines.last_lines() == last
+    whole = lines_of(b"5\n6")
+    assert [*whole] == ["5\n", "6"]
+    assert whole.last_lines() == ["5", "6"]
+
+
 def test_lines_and_texts_that_are_no_tables(monkeypatch):
     monkeypatch.setattr(module, "CHUNK", 4)
     monkeypatch.setattr(module, "LONGEST", 8)

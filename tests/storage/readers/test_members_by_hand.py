@@ -182,6 +182,8 @@ def test_groups_beside_columns_are_no_recordings(beside, is_one):
     log = tree({"x": numbers([1.0, 2.0]), "y": numbers([3.0, 4.0])})
     first = _first_recording(tree({"a": numbers(beside), "run_1": log, "run_2": log}))
     assert (first is log) is is_one
+    cells = Member("a cell array of 2", count=2, element=[log, numbers([1.0])].__getitem__)
+    assert _first_recording(cells) is log
 
 
 def test_columns_of_a_log_are_titled_if_one_of_them_has_a_name():

@@ -154,6 +154,7 @@ def test_hidden_rows_and_columns_end_with_the_cells():
     assert [*map(set, _hidden(facts, [["a", "b", "c"]] * 4))] == [{1, 2, 3}, {1, 2}]
     assert _hidden([hidden_rows(0, 0), hidden_columns(0, 0)], [["a", "b"]] * 2) == ([0], [0])
     assert _hidden(facts, []) == ([], [])
+    assert (hidden_rows(1, 2)[:4], hidden_columns(1, 2)[:4]) == ((1, 0, 2, MOST), (0, 1, MOST, 2))
 
 
 @pytest.mark.parametrize(
@@ -245,7 +246,7 @@ def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
     own = [
         *(xlsb_record(60, 1, 2, 0, 0, value=b"\1\0"), xlsb_record(60, 4, 5, 0, 0, value=b"\2\0")),
         *(
-            xlsb_record(0, 3, 0, 0),
+            xlsb_record(0, 3, 1, 0),
             xlsb_record(0, 4, 0, value=bytes(3)),
             xlsb_record(0, 7, 0, value=bytes([0, 0, 0, 16])),
         ),
