@@ -41,6 +41,17 @@ def test_what_a_cell_is(cell, number):
     assert found is None if number is None else np.array_equal(found, number, equal_nan=True)
 
 
+@pytest.mark.parametrize(
+    ("decimal", "thousands", "cell"),
+    [(".", ".", "1.234,5"), (",", ",", "1,234.5"), (".", ",", "1,234.5"), (".", "'", "1'234.5")],
+)
+def test_one_of_point_and_comma_is_the_decimal_mark_if_the_other_separates_thousands(
+    decimal, thousands, cell
+):
+    request = TableRequest("a", ("x",), decimal=decimal, thousands=thousands)
+    assert request.cells("x")(cell) == 1234.5
+
+
 def test_stamps_are_in_the_unit_of_the_column_from_their_epoch():
     def read(cell, layout=None, second=1000.0):
         return CellReader(clock=True, format=layout, second=second)(cell)

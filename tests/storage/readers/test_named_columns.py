@@ -78,6 +78,15 @@ def lying_about_its_size(archive):
     return archive
 
 
+def test_a_column_takes_eight_bytes_for_each_number(tmp_path, monkeypatch):
+    monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_RATIO", 0)
+    parquet.write_table(pa.table({"x": np.zeros(99)}), tmp_path / "a.parquet")
+    monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 8 * 99)
+    assert table_of("parquet", tmp_path / "a.parquet", "x").size == 99
+    monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 8 * 99 - 1)
+    refusal(["each column unpacks"], "parquet", tmp_path / "a.parquet", "x")
+
+
 def test_what_unpacks_to_far_more_than_it_has_is_not_unpacked(tmp_path, monkeypatch):
     monkeypatch.setattr("mapmore_cli.storage.tables.BOMB_SIZE", 1_000_000)
     np.savez_compressed(tmp_path / "a.npz", x=np.zeros(1_000_000))
