@@ -234,6 +234,18 @@ def test_a_page_is_written_again_and_also_if_no_run_has_made_a_folder(tmp_path):
     for _ in range(2):
         page, _ = write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", print)
         assert "lost" in page.read_text()
+    told, record = [], page.parent / "campaign.json"
+    page.write_text("mine")
+    write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", told.append)
+    assert ["was changed after mapmore wrote the page" in message for message in told] == [True]
+    (kept,) = (tmp_path / "runs" / ".trash").rglob("index.html")
+    assert kept.read_text() == "mine"
+    # a record of an older version does not say which files were written
+    record.write_text('{"creator": "mapmore", "campaign": "all", "runs": []}')
+    page.write_text("old")
+    write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", told.append)
+    assert len(told) == 1
+    assert "lost" in page.read_text()
 
 
 def drawn_lines(drawing):

@@ -29,7 +29,7 @@ from mapmore_cli.domain.recording import Signal
 from mapmore_cli.domain.results import PiecesFit
 from mapmore_cli.storage import artefacts
 from mapmore_cli.storage.artefacts import hdf5
-from mapmore_cli.storage.artefacts.decoding import Decoder
+from mapmore_cli.storage.artefacts.decoding import Decoder, _compare_lengths
 from mapmore_cli.storage.run_record import refuse_newer
 
 CURVE = "body/curves/000"
@@ -91,6 +91,18 @@ def test_columns_of_a_curve_have_one_length(tmp_path):
     path = changed(tmp_path / "x.h5", put("curves/0/columns/force/shape", [4]))
     with pytest.raises(DataError, match="columns/force, has 4 values, but other arrays with the"):
         artefacts.read_dataset(path)
+
+
+@pytest.mark.parametrize(
+    ("length", "letter", "fits"),
+    [
+        *((2, "k", True), (3, "k", False), (0, "k", False)),
+        *((2, "k or 0", True), (3, "k or 0", False), (0, "k or 0", True)),
+    ],
+)
+def test_arrays_with_the_same_letter_have_one_length_or_are_empty(length, letter, fits):
+    with nullcontext() if fits else pytest.raises(hdf5.Invalid, match=r"dimension \(k\) have 2"):
+        _compare_lengths("x", (length,), (letter,), {"k": 2})
 
 
 def parts_that_do_not_fit():

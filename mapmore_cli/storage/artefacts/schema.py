@@ -245,8 +245,7 @@ def encoded(
         return put(path, value, label[0], resolved(label[1] or "1", units))
     if is_dataclass(value):
         known = {**({"target": label[1]} if label[1] else {}), **units_of(value)}
-        if known:
-            units = {**units, **{name: resolved(unit, units) for name, unit in known.items()}}
+        units = {**units, **{name: resolved(unit, units) for name, unit in known.items()}}
         document: dict[object, object] = {}
         for word in (word for word, body in bodies(form.kind).items() if body is type(value)):
             document["kind"] = word

@@ -66,6 +66,13 @@ def test_columns_far_from_zero_are_as_good_as_columns_about_zero(offset):
     assert model.err_.sum() == pytest.approx(1)
 
 
+@pytest.mark.parametrize(("offset", "name"), [(0.5, "x0 - 0.5"), (-0.5, "x0 + 0.5")])
+def test_terms_of_a_centred_column_name_its_offset(offset, name):
+    x = np.arange(-25, 26)
+    model = mm.FROLS(order=1, max_terms=1).fit((offset + x / 2**30)[:, None], 7 * x)
+    assert model.selection_.names == (name,)
+
+
 def test_what_the_shift_of_columns_makes_and_takes_again_is_no_term():
     x = 1024 + np.random.default_rng(0).integers(0, 64, (50, 2)) / 64
     model = mm.FROLS(order=2, tolerance=0.0).fit(x, x[:, 0] ** 2 - 3 * x[:, 0] * x[:, 1])

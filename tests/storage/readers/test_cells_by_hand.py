@@ -252,6 +252,7 @@ def test_a_table_is_chosen_by_its_number_from_one():
             chosen_table(rows(text), TableRequest("a", (), table="map"), holds_number)
     short = chosen_table(rows("a;1;2\n3;4"), TableRequest("a", (), table="map"), holds_number)
     assert [cells for _, cells in short.rows] == [["3", "1", "4"], ["3", "2", ""]]
+    assert short.begin == 1
 
 
 def test_cells_that_a_row_or_a_record_lacks_are_missing():

@@ -57,6 +57,7 @@ def test_lines_end_in_three_ways_and_padding_is_no_text(chunk, monkeypatch):
         lines = lines_of(b"1\n2\n" + end)
         assert [*lines] == ["1\n", "2\n"]
         assert lines.padding == 3
+    assert [*lines_of(b"abc\xc3def\n")] == ["abc\udcc3def\n"]  # half a letter among others
     lines = lines_of(b"1\n\0\n2\n")
     assert [*lines] == ["1\n", "\0\n", "2\n"]
     assert lines.padding == 0

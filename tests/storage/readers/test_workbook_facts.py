@@ -90,6 +90,14 @@ def test_rows_at_the_end_that_hold_formulas_only_belong_to_the_sheet(tmp_path, m
         assert len(cells) == rows
 
 
+def test_merged_cells_are_marked_except_for_the_first(tmp_path):
+    book = workbook(tmp_path / "a.xlsx", a=[[7], [None], [8]])
+    book["a"].merge_cells("A1:A2")
+    book.save(tmp_path / "a.xlsx")
+    ((_, _, cells, *_),) = program.sheets_of(tmp_path / "a.xlsx", 0)
+    assert cells == [[7], [{"lacks": "A1:A2"}], [8]]
+
+
 def test_cells_are_counted_from_the_corner_of_the_sheet(tmp_path):
     workbook(tmp_path / "a.xlsx", a=[[], [None, 7]])
     ((_, _, cells, *_),) = program.sheets_of(tmp_path / "a.xlsx", 0)
@@ -131,13 +139,14 @@ def compound(stream, listed_apart):
         text = (name + "\0").encode("utf-16-le")
         return text.ljust(64, b"\0") + pack("<H50x2I4x", len(text), start, length)
 
-    directory = entry("Root Entry", 4, len(content)) + entry("Workbook", 0 if is_small else 4,
-        len(stream)) + bytes(256)  # fmt: skip
+    entries = [entry("Root Entry", 4, len(content)), entry("A", 0, 0)]
+    entries.append(entry("Workbook", 0 if is_small else 4, len(stream)))
     tables = [NO_SECTOR] * 109 if listed_apart else [0, *[NO_SECTOR] * 108]
     apart = 1 if listed_apart else NO_SECTOR - 1
     head = binary.BEGINS.ljust(30, b"\0") + pack("<2H14x", 9, 6)
     head += pack("<6I", 2, 0, 4096, 3, 1, apart) + pack("<I", 1) + pack("<109I", *tables)
     more = sector([0, *[NO_SECTOR] * 126, NO_SECTOR - 1])
+    directory = b"".join(entries).ljust(512, b"\0")
     return b"".join([head, sector(table), more, directory, sector(small), content])
 
 
@@ -299,7 +308,7 @@ def test_facts_of_a_sheet_of_xml():
 
 TABLES = """<d xmlns:t="urn:t" xmlns:o="urn:o">
 <t:table t:name="x"><t:table-row t:visibility="filter"/>
-</t:table><t:table t:name="a"><t:table-column t:number-columns-repeated="2"/>
+</t:table><t:table t:name="a"><t:table-column/><t:table-column t:number-columns-repeated="2"/>
 <t:table-column t:visibility="collapse" t:number-columns-repeated="3"/>
 <t:table-row t:number-rows-repeated="2"><t:table-cell t:number-columns-repeated="2"/>
 <t:table-cell o:value-type="percentage" t:number-columns-repeated="2"><p>20 %</p></t:table-cell>
@@ -312,7 +321,7 @@ TABLES = """<d xmlns:t="urn:t" xmlns:o="urn:o">
 
 def test_facts_of_a_sheet_of_an_open_document():
     assert [*markup._facts_of_ods(TABLES.encode(), "a")] == [
-        *(hidden_columns(2, 4), (0, 2, 1, 3, PERCENT), (0, 4, 1, 4, "#REF!")),
+        *(hidden_columns(3, 5), (0, 2, 1, 3, PERCENT), (0, 4, 1, 4, "#REF!")),
         *(
             (0, 5, 1, 5, NEVER_COMPUTED),
             hidden_rows(2, 5),

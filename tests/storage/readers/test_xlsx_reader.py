@@ -196,6 +196,14 @@ def test_a_large_workbook_may_take_more_memory_and_time(tmp_path, monkeypatch):
     assert given == [[10**9 + 200, 10], [10**9 + 200 * 3_000_000, 13]]
 
 
+def test_of_empty_sheets_only_the_first_is_shown(tmp_path, monkeypatch):
+    filled = {"a": [], "b": [["t"], [1]], "c": [], "d": [["F"], [2]]}
+    sheets = [xlsx.SheetCells(title, True, rows, [], []) for title, rows in filled.items()]
+    monkeypatch.setattr(xlsx, "_sheets_in", lambda *_: sheets)
+    tops = [(top.sheet, top.settings) for top in xlsx.peek_xlsx(tmp_path / "a.xlsx", 9)]
+    assert tops == [("a", {}), ("b", {"sheet": "b"}), ("d", {"sheet": "d"})]
+
+
 def test_a_single_text_says_nothing_about_the_decimal_mark_of_a_sheet():
     """Because a title can look like a number."""
     for texts, mark in ((["1,5"], None), (["1,5", "2,25"], ","), (["1,5", "2.5", "3.5"], ".")):
