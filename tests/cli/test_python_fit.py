@@ -14,6 +14,7 @@ from cli_samples import BAR, EPS, write_columns
 
 import mapmore_cli as mm
 from mapmore_cli.api import fitted as fitted_module
+from mapmore_cli.api.sections import _reader_of
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.globs import expand
 
@@ -283,3 +284,8 @@ def test_a_file_is_a_table_too(tmp_path):
     write_columns(path, ",".join(FRAME), *FRAME.values(), fmt="%.17g")
     assert mm.fit(path, **SECTIONS).scores.of_model() == mm.fit(FRAME, **SECTIONS).scores.of_model()
     assert expand("log.csv", tmp_path)
+    assert [_reader_of(f"log.{suffix}") for suffix in ("lvm", "csv", "odd")] == [
+        "lvm",
+        "csv",
+        "csv",
+    ]

@@ -74,11 +74,11 @@ def test_exact_ties_are_told():
 
 
 def test_ratios_are_of_the_runs_that_have_both():
-    runs = runs_of("a mapmore 1 sarosi 2; b mapmore 8 sarosi 4; c mapmore 5")
+    runs = runs_of("a mapmore 1 sarosi 2; b mapmore 12 sarosi 4; c mapmore 5")
     table = nrmse_table(CampaignScores(runs, relative_to="sarosi"))
-    assert table.rows[:3] == (("a", 1.0, 2.0), ("b", 8.0, 4.0), ("c", 5.0, None))
-    assert table.rows[3][1] == pytest.approx(math.sqrt(0.5 * 2))
-    assert table.rows[4][1:] == (2.0, 1.0)
+    assert table.rows[:3] == (("a", 1.0, 2.0), ("b", 12.0, 4.0), ("c", 5.0, None))
+    assert table.rows[3][1] == pytest.approx(math.sqrt(0.5 * 3))
+    assert table.rows[4][1:] == (3.0, 1.0)
     assert table.rows[5][1:] == ("1 of 2", "0 of 2")
 
 

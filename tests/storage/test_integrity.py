@@ -330,7 +330,7 @@ def test_a_file_may_be_as_large_as_a_limit_says_and_not_larger(change, beyond, m
     with h5py.File("a", "w", driver="core", backing_store=False) as file:
         change(file, beyond)
         with pytest.raises(hdf5.Invalid) if beyond else nullcontext():
-            hdf5.look_over(file, 0)
+            hdf5.look_over(file, 10, 0)
 
 
 def test_texts_and_paths_may_be_as_long_as_a_limit_says(monkeypatch):

@@ -239,7 +239,7 @@ def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return members
 
 
-def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
+def look_over(file: h5py.File, size: int, ratio: int) -> None:
     """Raise Invalid for a file that is not a plain tree of numbers and texts, or that unpacks to
     far more than its `size` in bytes.
 

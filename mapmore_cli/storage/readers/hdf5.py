@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def opened_hdf5(
-    path: Path, label: str, _request: TableRequest | None = None, kind: str = "HDF5 file"
+    path: Path, label: str, _request: TableRequest | None, kind: str = "HDF5 file"
 ) -> Iterator[Member]:
     """Open an HDF5 file; a file that MATLAB wrote is read as a MAT file.
 

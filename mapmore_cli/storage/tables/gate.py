@@ -38,7 +38,7 @@ on.
 """
 
 
-def gated(reader: Reader, readers: Collection[Reader] = ()) -> Reader:
+def gated(reader: Reader, readers: Collection[Reader]) -> Reader:
     """Return the reader with two checks added. Before the first rows of a file are read, the format
     of the file is checked. After `read`, the tables are checked for incomplete rows. If a file
     cannot be read, the error names the reader among `readers` that can read it.

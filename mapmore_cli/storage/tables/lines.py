@@ -96,9 +96,7 @@ def open_lines(
         yield lines, raw
 
 
-def lines_of(
-    path: Path, told: Callable[[int, int], None] = lambda _read, _size: None
-) -> Iterator[str]:
+def lines_of(path: Path, told: Callable[[int, int], None]) -> Iterator[str]:
     """Yield the lines of a text file, each with its line break. Raises DataError if the file is
     missing, unreadable or incomplete.
 

@@ -138,6 +138,8 @@ def test_two_samples_are_enough_and_names_that_are_no_identifiers_are_numbered()
     table = pa.table({"a": [0.0, 1.0], "b c": [0.0, 0.0]})
     model = mm.FROLS(order=1, max_terms=2, tolerance=0.0).fit(table, [1.0, 3.0])
     assert dict(zip(model.terms_, model.coef_, strict=True)) == pytest.approx({"1": 1, "x0": 2})
+    model.fit(table.rename_columns(["a", "b"]), [1.0, 3.0])
+    assert {*model.terms_} == {"1", "a"}
 
 
 def test_a_model_predicts_tables_of_the_columns_that_it_was_fitted_to():

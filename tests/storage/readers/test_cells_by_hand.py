@@ -294,7 +294,8 @@ def test_columns_of_rows_are_called_by_their_titles_or_their_places():
     ],
 )
 def test_a_last_line_without_end_that_was_cut(before, last, cut):
-    found = _cut_in(OpenEnd(90, [line.split(",") for line in [*before, last]]), range(1, 91))
+    lines = [line.split(",") for line in [*before, last]]
+    found = _cut_in(OpenEnd(90, lines, "."), range(1, 91))
     assert (found is not None) is cut
     assert found is None or found.rows == 1
 

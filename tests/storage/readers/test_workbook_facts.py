@@ -218,7 +218,7 @@ def formula(row, column, *value):
 def test_facts_of_the_records_of_an_old_sheet():
     """A style is the number of the record in which it names its format."""
     styles = b"".join(cell(0xE0, 0, number) for number in (0, 10, 200, 201))
-    formats = cell(0x41E, 200, value=b"\4\0\0000.0%") + cell(0x41E, 201, value=b"\3\0\0000.0")
+    formats = cell(0x41E, 200, value=b"\4\0\0000.0%") + cell(0x41E, 201, value=b"\3\0\0000.0%")
     own = [
         *(row(4, 0x20), row(5, 0x10), cell(0x7D, 2, 3, 0, 0, 1), cell(0x7D, 5, 6, 0, 0, 2)),
         *(cell(0x203, 1, 2, 1, value=bytes(8)), cell(0x203, 1, 3, 3, value=bytes(8))),
