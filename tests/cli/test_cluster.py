@@ -207,6 +207,15 @@ def test_a_run_whose_worker_was_lost_is_told_when_it_starts_again(tmp_path, monk
     assert said == ["here: waiting for a worker", f"here: 2 workers, which share {tmp_path}"]
 
 
+def test_a_worker_on_which_the_program_does_not_run_says_why_in_one_line():
+    class Old(Scheduler):
+        def run(self, _):
+            raise RuntimeError("no such module\nand much more")
+
+    with pytest.raises(UsageError, match=r"cannot run mapmore \(RuntimeError: no such module\)"):
+        checked_workers(Old(), Shared(Path("token"), "1", {}))
+
+
 def test_the_client_of_a_campaign_is_no_default_of_other_programs(monkeypatch):
     monkeypatch.setattr("distributed.Client", lambda **how: how)
     how = cluster._connected("tcp://127.0.0.1:9")

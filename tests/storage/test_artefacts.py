@@ -37,6 +37,7 @@ from mapmore_cli.storage.artefacts.hdf5 import put_text
 from mapmore_cli.storage.artefacts.reference import described
 from mapmore_cli.storage.artefacts.schema import (
     SegmentationFile,
+    _same,
     bodies,
     taken_apart,
 )
@@ -431,6 +432,11 @@ def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path):
     assert same(stored(tmp_path, plain), plain)
     with h5py.File(tmp_path / "record.h5") as file:
         assert {"sizes", "turns"}.isdisjoint(json.loads(file["document"].asstr()[()]))
+
+
+def test_a_value_is_its_default_if_both_are_equal_or_both_are_nan():
+    pairs = [(1.0, 1.0), (math.nan, math.nan), (1.0, math.nan), (math.nan, 1.0), (1.0, 2.0)]
+    assert [_same(*pair) for pair in pairs] == [True, True, False, False, False]
 
 
 @dataclass

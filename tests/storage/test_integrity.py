@@ -239,11 +239,6 @@ def _external_link(file):
     file["body"] = h5py.ExternalLink("other.h5", "body")
 
 
-def _million_links(file):
-    for place in range(1, 50):
-        file[f"body/curves/{place:03d}"] = file["body/curves/all"]
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -258,22 +253,10 @@ def _million_links(file):
             "again, is a link to another place",
         ),
         (lambda file: file.__setitem__("body/again", file["body"]), "is linked too many times"),
-        (_million_links, "is linked too many times"),
         (put(THETA, data=np.zeros(2), compression="lzf"), "a filter other than gzip"),
         (
             put(THETA, shape=(10**9,), dtype="<f8", chunks=(1000,), compression="gzip"),
             "MB of values",
-        ),
-        (
-            put(
-                THETA,
-                shape=(2,),
-                dtype="<f8",
-                chunks=(10**8,),
-                maxshape=(None,),
-                compression="gzip",
-            ),
-            "chunks of more than",
         ),
         (
             lambda file: file.__setitem__(
@@ -293,9 +276,6 @@ def _million_links(file):
             ),
             "has the attribute 'more'",
         ),
-        (lambda file: file.attrs.create("more", np.zeros(3000)), "has the attribute 'more'"),
-        (lambda file: [file.attrs.create(f"a{i}", 1) for i in range(101)], "attributes"),
-        (lambda file: file["body"].create_group("/".join(["inner"] * 80)), "groups deep"),
     ],
 )
 def test_what_the_format_does_not_know_is_refused_before_it_is_read(
@@ -314,22 +294,25 @@ def test_what_the_format_does_not_know_is_refused_before_it_is_read(
 
 @pytest.mark.parametrize("beyond", [0, 1])
 @pytest.mark.parametrize(
-    "change",
+    ("words", "change"),
     [
-        lambda file, beyond: [file.attrs.create(f"a{i}", 1) for i in range(100 + beyond)],
-        lambda file, beyond: file.attrs.create("a", np.zeros(512 + beyond)),
-        lambda file, beyond: file.create_group("/".join(["a"] * (61 + beyond))),
-        lambda file, beyond: file.create_dataset("a", data=np.zeros(1000 + beyond)),
-        lambda file, beyond: file.create_dataset("a", (1,), "f8", chunks=(1000 + beyond,),
-            maxshape=(None,)),
+        ("attributes", lambda file, n: [file.attrs.create(f"a{i}", 1) for i in range(100 + n)]),
+        ("the attribute 'a'", lambda file, n: file.attrs.create("a", np.zeros(512 + n))),
+        ("groups deep", lambda file, n: file.create_group("/".join(["a"] * (61 + n)))),
+        ("MB of values", lambda file, n: file.create_dataset("a", data=np.zeros(1000 + n))),
+        (
+            "chunks of more than",
+            lambda file, n: file.create_dataset(
+                "a", (1,), "f8", maxshape=(None,), chunks=(1000 + n,)
+            ),
+        ),
     ],
-    ids=["attributes", "bytes of an attribute", "depth", "values", "chunk"],
-)  # fmt: skip
-def test_a_file_may_be_as_large_as_a_limit_says_and_not_larger(change, beyond, monkeypatch):
+)
+def test_a_file_may_be_as_large_as_a_limit_says_and_not_larger(words, change, beyond, monkeypatch):
     monkeypatch.setattr(hdf5, "ROOM", 8000)
     with h5py.File("a", "w", driver="core", backing_store=False) as file:
         change(file, beyond)
-        with pytest.raises(hdf5.Invalid) if beyond else nullcontext():
+        with pytest.raises(hdf5.Invalid, match=words) if beyond else nullcontext():
             hdf5.look_over(file, 10, 0)
 
 

@@ -264,10 +264,6 @@ def variable_5(of_class, shape, *parts):
 NUMBER = element(9, T[1:2].tobytes())
 ZEROS = zlib.compress(variable_5(6, (1, 15 * 10**6), element(9, bytes(12 * 10**7))), 1)
 FAR_TOO_MUCH = {
-    "cells": (
-        variable_5(1, (1, 200_000), element(14, b"") * 200_000),
-        "'x' is a cell array or a struct with more than 100000 elements",
-    ),
     "cells that are not there": (variable_5(1, (10**9, 1)), "0 elements instead of 1000000000"),
     "fields": (
         variable_5(2, (10**9, 1), element(5, np.array([2], "<i4").tobytes()), element(1, b"P\0")),

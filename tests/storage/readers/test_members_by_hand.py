@@ -178,6 +178,9 @@ def test_a_survey_is_of_five_hundred_members_and_tables_of_64_columns():
     for shape, count in (((100, 64), 64), ((64, 100), 64), ((100, 65), 0), ((65, 65), 0)):
         columns = [*_columns_of(TreeMember("m", "m", "", numbers(np.ones(shape))), 5)]
         assert len(columns) == count
+    for shape in ((), (1,), (1, 1)):
+        (single,) = _columns_of(TreeMember("m", "m", "", numbers(np.full(shape, 7.0))), 5)
+        assert (single.length, single.values.tolist()) == (1, [7])
         assert all((one.length, one.values.size) == (100, 5) for one in columns)
 
 

@@ -320,7 +320,8 @@ TABLES = """<d xmlns:t="urn:t" xmlns:o="urn:o">
 
 
 def test_facts_of_a_sheet_of_an_open_document():
-    assert [*markup._facts_of_ods(TABLES.encode(), "a")] == [
+    archive = SimpleNamespace(namelist=lambda: ["content.xml"], read=lambda _: TABLES.encode())
+    assert [*markup.facts_of(archive, "a")] == [
         *(hidden_columns(3, 5), (0, 2, 1, 3, PERCENT), (0, 4, 1, 4, "#REF!")),
         *(
             (0, 5, 1, 5, NEVER_COMPUTED),
