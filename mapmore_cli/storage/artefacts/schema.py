@@ -219,7 +219,7 @@ def resolved(unit: str, units: Units) -> str:
         unit = units.get(name, f"[{name}]")
         return f"({unit}){power}" if power and re.search(r"[*/ ^]", unit) else f"{unit}{power}"
 
-    return re.sub(r"\[([^\]]*)\](\^?)", known, unit) if "[" in unit else unit
+    return re.sub(r"\[([^\]]*)\](\^?)", known, unit)
 
 
 def encoded(

@@ -1,5 +1,7 @@
 """`FROLS` keeps the protocol of scikit-learn, and says what the engine says."""
 
+from fractions import Fraction
+
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -8,6 +10,7 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.utils.estimator_checks import check_estimator
 
 import mapmore_cli as mm
+from mapmore_cli.api.estimator import _expanded
 from mapmore_cli.modelling.frols import frols
 
 
@@ -71,6 +74,12 @@ def test_terms_of_a_centred_column_name_its_offset(offset, name):
     x = np.arange(-25, 26)
     model = mm.FROLS(order=1, max_terms=1).fit((offset + x / 2**30)[:, None], 7 * x)
     assert model.selection_.names == (name,)
+
+
+def test_powers_of_differences_are_expanded_by_the_binomial_theorem():
+    """x (y - 3)^2 = 9 x - 6 x y + x y^2."""
+    expanded = dict(_expanded([1, 2], [Fraction(0), Fraction(3)]))
+    assert expanded == {(1, 0): 9, (1, 1): -6, (1, 2): 1}
 
 
 def test_what_the_shift_of_columns_makes_and_takes_again_is_no_term():

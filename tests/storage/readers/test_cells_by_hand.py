@@ -77,6 +77,11 @@ def test_a_stamp_has_at_most_forty_characters():
         assert stamp_of(form.format(" " * 23)) is None
 
 
+def test_a_date_alone_is_no_stamp():
+    for date in ("2026-03-01", "20260301T120000", "2026/03/01", "01.03.2026"):
+        assert stamp_of(date) is None
+
+
 def test_messages_show_forty_characters_in_ascii():
     assert shortened("x" * 40) == "x" * 40
     assert shortened("x" * 41) == "x" * 37 + "..."

@@ -18,7 +18,7 @@ from reading import element, opaque_mat, refusal, tables_of, timetable_of_73
 from scipy import sparse
 
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers import READERS, mat
+from mapmore_cli.storage.readers import READERS, hdf5, mat
 from mapmore_cli.storage.tables.matlab_objects import REMEDIES, object_of_matlab
 
 # SciPy 1.18 says so of `loadmat`, which is the oracle here
@@ -298,6 +298,16 @@ def test_a_cell_array_has_at_most_as_many_elements_as_a_limit_says(
         assert values(tmp_path / "a.mat", "x[2]") == list(T + 2)
     else:
         refusal(["'x' is a cell array or a struct with more"], "mat", tmp_path / "a.mat", "x[2]")
+
+
+def test_empty_cell_arrays_and_struct_arrays_without_fields_have_no_elements():
+    fields = (element(5, np.array([32], "<i4").tobytes()), element(1, b""))
+    content = memoryview(variable_5(2, (1, 2), *fields))[8:]
+    assert mat._Version5("<", len(content)).member(content, "x").count == 0
+    with h5py.File("a", "w", driver="core", backing_store=False) as file:
+        cells = file.create_dataset("x", data=np.array([file.ref], dtype=h5py.ref_dtype))
+        cells.attrs["MATLAB_class"], cells.attrs["MATLAB_empty"] = b"cell", np.uint8(1)
+        assert hdf5._matlab_array(cells).count == 0
 
 
 @pytest.mark.parametrize("version", ["4", "5"])

@@ -212,13 +212,13 @@ def row(number, flags):
 
 def formula(row, column, *value):
     """Return a formula with no number but a text, an error or nothing, by the kind of its value."""
-    return cell(6, row, column, 0, value=bytes([*value, *[0] * (6 - len(value)), 255, 255]))
+    return cell(6, row, column, 0, value=bytes([*value, *[0] * (6 - len(value)), 255, 255, 0, 0]))
 
 
 def test_facts_of_the_records_of_an_old_sheet():
     """A style is the number of the record in which it names its format."""
     styles = b"".join(cell(0xE0, 0, number) for number in (0, 10, 200, 201))
-    formats = cell(0x41E, 200, value=b"\4\0\0000.0%") + cell(0x41E, 201, value=b"\3\0\0000.0%")
+    formats = cell(0x41E, 200, value=b"\1\0\0%") + cell(0x41E, 201, value=b"\3\0\0000.0%")
     own = [
         *(row(4, 0x20), row(5, 0x10), cell(0x7D, 2, 3, 0, 0, 1), cell(0x7D, 5, 6, 0, 0, 2)),
         *(cell(0x203, 1, 2, 1, value=bytes(8)), cell(0x203, 1, 3, 3, value=bytes(8))),
@@ -315,7 +315,7 @@ TABLES = """<d xmlns:t="urn:t" xmlns:o="urn:o">
 <t:table-cell o:value-type="float"><p>#REF!</p></t:table-cell>
 <t:table-cell t:formula="1"/></t:table-row>
 <t:table-row t:visibility="filter" t:number-rows-repeated="4"/>
-<t:table-row><t:table-cell t:number-rows-spanned="3" t:number-columns-spanned="1"/>
+<t:table-row><t:table-cell t:number-rows-spanned="3" t:number-columns-spanned="2"/>
 <t:table-cell o:value-type="error"/></t:table-row></t:table></d>"""
 
 
@@ -326,7 +326,7 @@ def test_facts_of_a_sheet_of_an_open_document():
         *(
             (0, 5, 1, 5, NEVER_COMPUTED),
             hidden_rows(2, 5),
-            (6, 0, 8, 0, ""),
+            (6, 0, 8, 1, ""),
             (6, 1, 6, 1, "#VALUE!"),
         ),
     ]

@@ -9,7 +9,7 @@ from reading import other_workbook, refusal, table_of, workbook
 
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers import xlsx
+from mapmore_cli.storage.readers import TableRequest, xlsx
 from mapmore_cli.study.sections.logs import Logs
 
 TABLE = [["t", "F", "note"], [0, 1.5, "a"], [0.5, -2, None], [], [1.0, None, "b"]]
@@ -202,6 +202,13 @@ def test_of_empty_sheets_only_the_first_is_shown(tmp_path, monkeypatch):
     monkeypatch.setattr(xlsx, "_sheets_in", lambda *_: sheets)
     tops = [(top.sheet, top.settings) for top in xlsx.peek_xlsx(tmp_path / "a.xlsx", 9)]
     assert tops == [("a", {}), ("b", {"sheet": "b"}), ("d", {"sheet": "d"})]
+
+
+def test_tables_in_a_sheet_begin_at_its_first_row(tmp_path, monkeypatch):
+    sheet = xlsx.SheetCells("a", True, [["t", "F"], [1, 2], [3, 4]], [], [])
+    monkeypatch.setattr(xlsx, "_sheets_in", lambda *_: [sheet])
+    (table,) = xlsx.below_xlsx(tmp_path / "a.xlsx", TableRequest("a", ()))
+    assert (table.begin, table.header) == (1, [(1, ["t", "F"])])
 
 
 def test_a_single_text_says_nothing_about_the_decimal_mark_of_a_sheet():
