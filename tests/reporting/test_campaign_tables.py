@@ -8,6 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 from report_builder import Page, score
 
+from mapmore_cli.annexes.campaigns import page
 from mapmore_cli.annexes.campaigns.figure import (
     BEST_OTHER,
     MOST_RUNS,
@@ -22,6 +23,7 @@ from mapmore_cli.annexes.campaigns.tables import (
     nrmse_table,
     published_table,
 )
+from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import REPEATABILITY, Published, ScoreTable
 
 
@@ -232,20 +234,31 @@ def test_a_page_is_written_again_and_also_if_no_run_has_made_a_folder(tmp_path):
     runs = [SimpleNamespace(group=None)]
     campaign = SimpleNamespace(campaign="all", title="", runs=runs, relative_to=None, best_of=())
     for _ in range(2):
-        page, _ = write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", print)
-        assert "lost" in page.read_text()
-    told, record = [], page.parent / "campaign.json"
-    page.write_text("mine")
+        place, _ = write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", print)
+        assert "lost" in place.read_text()
+    told, record = [], place.parent / "campaign.json"
+    place.write_text("mine")
     write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", told.append)
     assert ["was changed after mapmore wrote the page" in message for message in told] == [True]
     (kept,) = (tmp_path / "runs" / ".trash").rglob("index.html")
     assert kept.read_text() == "mine"
     # a record of an older version does not say which files were written
     record.write_text('{"creator": "mapmore", "campaign": "all", "runs": []}')
-    page.write_text("old")
+    place.write_text("old")
     write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", told.append)
     assert len(told) == 1
-    assert "lost" in page.read_text()
+    assert "lost" in place.read_text()
+
+
+def test_a_run_with_a_mistake_in_its_spec_is_called_as_no_other(monkeypatch):
+    def load(config, _overrides):
+        raise SpecError(f"{config}: wrong", "mend it")
+
+    monkeypatch.setattr(page, "load", load)
+    configs = ("a.yaml", "b/a.yaml")
+    entries = [SimpleNamespace(config=one, called="a", overrides=()) for one in configs]
+    assert page.run_names(entries, [], {}) == ["a", "b/a.yaml"]
+    assert page.run_names(entries, [], {0: "known"}) == ["known", "a"]
 
 
 def drawn_lines(drawing):

@@ -161,7 +161,10 @@ def test_a_filter_that_is_not_installed_is_named(tmp_path, monkeypatch):
         made = h5py.Dataset(h5py.h5d.create(file.id, b"F", h5py.h5t.NATIVE_DOUBLE, space, created))
         made.id.write_direct_chunk((0,), bytes(16), filter_mask=0)
     refusal(
-        ["a.h5: /F is compressed by the filter 32001", "pip install hdf5plugin"],
+        [
+            "a.h5: /F is compressed by the filter 32001, which",
+            "pip install hdf5plugin",
+        ],
         "hdf5",
         tmp_path / "a.h5",
         "F",

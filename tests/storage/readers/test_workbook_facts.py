@@ -128,8 +128,8 @@ def compound(stream, listed_apart):
     def chain(first, length):
         return [*range(first + 1, first + length), NO_SECTOR - 1]
 
-    # the sectors: table, list of tables, directory, small table, and the contents
-    table = [NO_SECTOR - 2, NO_SECTOR - 3, *chain(2, 1), *chain(3, 1), *chain(4, count)]
+    # the sectors: list of tables, table, directory, small table, and the contents
+    table = [NO_SECTOR - 3, NO_SECTOR - 2, *chain(2, 1), *chain(3, 1), *chain(4, count)]
     small = chain(0, -(-len(stream) // 64)) if is_small else []
 
     def sector(numbers):
@@ -141,13 +141,13 @@ def compound(stream, listed_apart):
 
     entries = [entry("Root Entry", 4, len(content)), entry("A", 0, 0)]
     entries.append(entry("Workbook", 0 if is_small else 4, len(stream)))
-    tables = [NO_SECTOR] * 109 if listed_apart else [0, *[NO_SECTOR] * 108]
-    apart = 1 if listed_apart else NO_SECTOR - 1
+    tables = [NO_SECTOR] * 109 if listed_apart else [1, *[NO_SECTOR] * 108]
+    apart = 0 if listed_apart else NO_SECTOR - 1
     head = binary.BEGINS.ljust(30, b"\0") + pack("<2H14x", 9, 6)
     head += pack("<6I", 2, 0, 4096, 3, 1, apart) + pack("<I", 1) + pack("<109I", *tables)
-    more = sector([0, *[NO_SECTOR] * 126, NO_SECTOR - 1])
+    more = sector([1, *[NO_SECTOR] * 126, NO_SECTOR - 1])
     directory = b"".join(entries).ljust(512, b"\0")
-    return b"".join([head, sector(table), more, directory, sector(small), content])
+    return b"".join([head, more, sector(table), directory, sector(small), content])
 
 
 @pytest.mark.parametrize("size", [1, 64, 4095, 4096, 9000, 60_000])
@@ -222,14 +222,14 @@ def test_facts_of_the_records_of_an_old_sheet():
     own = [
         *(row(4, 0x20), row(5, 0x10), cell(0x7D, 2, 3, 0, 0, 1), cell(0x7D, 5, 6, 0, 0, 2)),
         *(cell(0x203, 1, 2, 1, value=bytes(8)), cell(0x203, 1, 3, 3, value=bytes(8))),
-        cell(0xBD, 2, 3, *(0, 0, 0), *(2, 0, 0), 4),
+        cell(0xBD, 2, 0, *(0, 0, 0), *(2, 0, 0), 1),
         *(cell(0x205, 3, 1, 0, value=b"\7\1"), cell(0x205, 3, 2, 0, value=b"\1\0")),
         *(formula(6, 1, 3), formula(6, 2, 2, 0, 36)),
     ]
     sheets = {"a": row(7, 0x20), "b": b"".join(own), "c": b"".join([*own, formula(8, 1)])}
     stream = stream_of(record(0x809) + styles + formats, sheets)
     facts = [
-        *(hidden_rows(4, 4), hidden_columns(2, 3), (1, 2, 1, 2, PERCENT), (2, 4, 2, 4, PERCENT)),
+        *(hidden_rows(4, 4), hidden_columns(2, 3), (1, 2, 1, 2, PERCENT), (2, 1, 2, 1, PERCENT)),
         *((3, 1, 3, 1, "#DIV/0!"), (6, 2, 6, 2, "#NUM!"), (6, 1, 6, 1, NEVER_COMPUTED)),
     ]
     assert [*binary._facts_of_records(stream, "a")] == [hidden_rows(7, 7)]
