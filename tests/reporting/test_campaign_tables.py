@@ -178,7 +178,7 @@ def test_nothing_is_in_proportion_to_an_error_of_zero():
         runs_of("a mapmore 1 sarosi 0 repeatability 0"), relative_to="sarosi", best_of=["sarosi"]
     )
     assert nrmse_table(scores).rows[1][1] is None
-    runs = runs_of("a mapmore 0 sarosi 2; b mapmore 1 sarosi 2")
+    runs = runs_of("a mapmore 0 sarosi 0.5; b mapmore 0.25 sarosi 0.5")
     exact = CampaignScores(runs, relative_to="sarosi")
     assert [row[1] for row in nrmse_table(exact).rows[2:]] == [None, 0.5, "2 of 2"]
     assert [row[3] for row in models_table(exact).rows] == [None, None, None, 2]

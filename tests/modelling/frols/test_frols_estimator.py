@@ -149,6 +149,8 @@ def test_two_samples_are_enough_and_names_that_are_no_identifiers_are_numbered()
     assert dict(zip(model.terms_, model.coef_, strict=True)) == pytest.approx({"1": 1, "x0": 2})
     model.fit(table.rename_columns(["a", "b"]), [1.0, 3.0])
     assert {*model.terms_} == {"1", "a"}
+    assert [*model.feature_names_in_] == ["a", "b"]
+    assert not hasattr(model.fit(X, X[:, 0]), "feature_names_in_")
 
 
 def test_a_model_predicts_tables_of_the_columns_that_it_was_fitted_to():

@@ -108,7 +108,7 @@ def test_texts_are_read_in_parts_that_fit_into_memory_even_if_each_is_as_long_as
 ):
     with h5py.File("a", "w", driver="core", backing_store=False) as file:
         file["texts"] = texts = [[f"{n}", "x"] for n in range(7)]
-        stored, taken = file["texts"], []
+        stored, taken, sizes = file["texts"], [], []
 
         class Noted:
             def __getitem__(self, rows):
@@ -116,8 +116,10 @@ def test_texts_are_read_in_parts_that_fit_into_memory_even_if_each_is_as_long_as
                 return stored[rows]
 
         monkeypatch.setattr(hdf5, "BOMB_SIZE", 6 * file.id.get_filesize())
+        monkeypatch.setattr(hdf5, "refuse_bombs", lambda _name, size, _: sizes.append(size))
         assert hdf5._texts(stored, Noted()).astype(str).tolist() == texts
     assert [(rows.start, rows.stop) for rows in taken] == [(0, 3), (3, 6), (6, 9)]
+    assert sizes == [17 * count for count in (6, 12, 14)]  # a letter, and where it stands
 
 
 @pytest.mark.parametrize(("kind", "each"), [("f4", 8), ("f8", 8), ("S100", 100)])

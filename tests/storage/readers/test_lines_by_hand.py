@@ -58,6 +58,9 @@ def test_lines_end_in_three_ways_and_padding_is_no_text(chunk, monkeypatch):
         assert [*lines] == ["1\n", "2\n"]
         assert lines.padding == 3
     assert [*lines_of(b"abc\xc3def\n")] == ["abc\udcc3def\n"]  # half a letter among others
+    lines = lines_of(b"1,2\n2,\0\n")
+    assert [*lines] == ["1,2\n", "2,\0\n"]
+    assert lines.padding == 0  # but a damaged cell
     lines = lines_of(b"1\n\0\n2\n")
     assert [*lines] == ["1\n", "\0\n", "2\n"]
     assert lines.padding == 0

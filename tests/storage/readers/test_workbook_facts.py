@@ -191,6 +191,12 @@ def test_records_of_a_substream_end_with_it():
     assert [*binary._records(record(0x809) + record(0x85), 0)][1:] == [(0x85, b"")]
 
 
+def test_titles_of_sheets_have_letters_of_one_or_two_bytes():
+    for is_wide, encoding in ((1, "utf-16-le"), (0, "latin-1")):
+        content = bytes(6) + bytes([2, is_wide]) + "äb".encode(encoding) + b"more"
+        assert binary._title(content) == "äb"
+
+
 def stream_of(settings, sheets):
     """Return the stream of a workbook: its settings, where its sheets begin, and the sheets."""
     whole, begin = b"", len(settings) + 13 * len(sheets) + 4
@@ -243,6 +249,18 @@ def test_lengths_of_records_have_seven_bits_in_a_byte():
     assert [*xlsb._records(content)] == [(5, b"\x09"), (0x9C, b"x" * 130)]
     assert xlsb._length(bytes([0xFF, 0xFF, 0xFF, 0x7F, 0x01]), 0) == ((1 << 28) - 1, 4)
     assert xlsb._text(b"??" + pack("<I", 2) + "äb".encode("utf-16-le") + b"!", 2) == ("äb", 10)
+
+
+def test_a_sheet_of_a_binary_workbook_is_found_by_its_title():
+    def text(word):
+        return pack("<I", len(word)) + word.encode("utf-16-le")
+
+    names = (("rId1", "a"), ("rId2", "b"))
+    sheets = [xlsb_record(156, 0, 1, value=text(key) + text(title)) for key, title in names]
+    book = xlsb_record(143) + b"".join(sheets)
+    assert [xlsb._key_of_sheet(book, title) for title in "ab"] == ["rId1", "rId2"]
+    with pytest.raises(ValueError, match="there is no sheet 'c'"):
+        xlsb._key_of_sheet(book, "c")
 
 
 def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
@@ -316,6 +334,7 @@ TABLES = """<d xmlns:t="urn:t" xmlns:o="urn:o">
 <t:table-cell t:formula="1"/></t:table-row>
 <t:table-row t:visibility="filter" t:number-rows-repeated="4"/>
 <t:table-row><t:table-cell t:number-rows-spanned="3" t:number-columns-spanned="2"/>
+<t:table-cell t:number-rows-spanned="2"/><t:table-cell t:number-columns-spanned="2"/>
 <t:table-cell o:value-type="error"/></t:table-row></t:table></d>"""
 
 
@@ -326,7 +345,7 @@ def test_facts_of_a_sheet_of_an_open_document():
         *(
             (0, 5, 1, 5, NEVER_COMPUTED),
             hidden_rows(2, 5),
-            (6, 0, 8, 1, ""),
-            (6, 1, 6, 1, "#VALUE!"),
+            *((6, 0, 8, 1, ""), (6, 1, 7, 1, ""), (6, 2, 6, 3, "")),
+            (6, 3, 6, 3, "#VALUE!"),
         ),
     ]
