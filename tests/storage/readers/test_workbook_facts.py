@@ -229,17 +229,25 @@ def test_facts_of_the_records_of_an_old_sheet():
         *(row(4, 0x20), row(5, 0x10), cell(0x7D, 2, 3, 0, 0, 1), cell(0x7D, 5, 6, 0, 0, 2)),
         *(cell(0x203, 1, 2, 1, value=bytes(8)), cell(0x203, 1, 3, 3, value=bytes(8))),
         cell(0xBD, 2, 0, *(0, 0, 0), *(2, 0, 0), 1),
+        cell(0xBD, 5, 0, *[0] * 15, *(2, 0, 0), 5),
         *(cell(0x205, 3, 1, 0, value=b"\7\1"), cell(0x205, 3, 2, 0, value=b"\1\0")),
         *(formula(6, 1, 3), formula(6, 2, 2, 0, 36)),
     ]
     sheets = {"a": row(7, 0x20), "b": b"".join(own), "c": b"".join([*own, formula(8, 1)])}
     stream = stream_of(record(0x809) + styles + formats, sheets)
     facts = [
-        *(hidden_rows(4, 4), hidden_columns(2, 3), (1, 2, 1, 2, PERCENT), (2, 1, 2, 1, PERCENT)),
+        *(
+            hidden_rows(4, 4),
+            hidden_columns(2, 3),
+            (1, 2, 1, 2, PERCENT),
+            (2, 1, 2, 1, PERCENT),
+            (5, 5, 5, 5, PERCENT),
+        ),
         *((3, 1, 3, 1, "#DIV/0!"), (6, 2, 6, 2, "#NUM!"), (6, 1, 6, 1, NEVER_COMPUTED)),
     ]
     assert [*binary._facts_of_records(stream, "a")] == [hidden_rows(7, 7)]
-    assert [*binary._facts_of_records(stream, "b")] == facts
+    assert binary.facts_of(compound(stream, listed_apart=False), "b") == facts
+    assert binary.facts_of(b"no workbook", "b") == []
     assert [*binary._facts_of_records(stream, "c")] == facts[:-1]
 
 
@@ -275,6 +283,7 @@ def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
         *(
             xlsb_record(0, 3, 1, 0),
             xlsb_record(0, 4, 0, value=bytes(3)),
+            xlsb_record(0, 5, 0, value=bytes([0, 0, 0, 1])),
             xlsb_record(0, 7, 0, value=bytes([0, 0, 0, 16])),
         ),
         *(
