@@ -315,6 +315,8 @@ def test_rows_of_the_figure_have_room_for_their_dots():
     ax = drawn_lines(many)[1]
     assert all(3 < line.get_markersize() < 0.8 * 72 * step for line in ax.lines)
     assert all(line.get_markeredgewidth() < 2 for line in ax.lines)
+    bars = [line.get_label() for line in ax.lines if line.get_marker() == "|"]
+    assert bars == [REPEATABILITY]  # which is no model
     (rows,) = ax.collections
     assert all(part[:, 0].tolist() == [0, 1] for part in rows.get_segments())
     assert rows.get_linewidth()[0] < 1
