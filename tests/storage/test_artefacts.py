@@ -462,6 +462,7 @@ def test_aliases_of_types_are_looked_through():
 
 def test_the_pages_of_the_format_follow_the_declarations():
     page = (Path(__file__).parents[2] / "docs" / "file-format.md").read_text(encoding="utf-8")
+    assert described() in page
     headings = set(re.findall(r"^### (\w+)$", described(), re.MULTILINE))
     assert set(re.findall(r"\]\(#(\w+)\)", described())) <= {
         heading.lower() for heading in headings

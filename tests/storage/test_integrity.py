@@ -86,6 +86,12 @@ def test_forms_that_cannot_be_are_named(change, words, model):
     assert "delete" not in str(caught.value)
 
 
+def test_a_known_checksum_is_computed_again_only_on_demand(model, monkeypatch):
+    real = artefacts.checksum_of(model, True)
+    monkeypatch.setitem(artefacts._as_written, artefacts._mark(model), "known")
+    assert [artefacts.checksum_of(model, anew) for anew in (False, True)] == ["known", real]
+
+
 def test_columns_of_a_curve_have_one_length(tmp_path):
     artefacts.write_dataset(tmp_path / "x.h5", examples()["dataset"])
     path = changed(tmp_path / "x.h5", put("curves/0/columns/force/shape", [4]))

@@ -10,7 +10,7 @@ from sklearn.model_selection import GridSearchCV
 from sklearn.utils.estimator_checks import check_estimator
 
 import mapmore_cli as mm
-from mapmore_cli.api.estimator import _expanded
+from mapmore_cli.api.estimator import _expanded, _no_unit
 from mapmore_cli.modelling.frols import frols
 
 
@@ -151,6 +151,12 @@ def test_two_samples_are_enough_and_names_that_are_no_identifiers_are_numbered()
     assert {*model.terms_} == {"1", "a"}
     assert [*model.feature_names_in_] == ["a", "b"]
     assert not hasattr(model.fit(X, X[:, 0]), "feature_names_in_")
+
+
+def test_numbers_with_a_unit_are_refused_unless_it_is_one():
+    assert _no_unit(X, "dimensionless") is X
+    with pytest.raises(ValueError, match="unit kPa"):
+        _no_unit(X, "kPa")
 
 
 def test_a_model_predicts_tables_of_the_columns_that_it_was_fitted_to():
