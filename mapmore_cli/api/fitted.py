@@ -110,8 +110,8 @@ class Study:
     document: Mapping[str, Any]
     frames: tuple[Frame, ...]
     folder: Path
-    check: bool = True
-    progress: bool | None = None
+    check: bool
+    progress: bool | None
 
     @property
     def columns(self) -> Mapping[str, Any]:
@@ -253,8 +253,8 @@ class Fitted(LoadedModel):
     spec: ExperimentSpec
     file: bytes
     fit: FitResult
-    warnings: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...]
+    doubts: tuple[str, ...]
 
     def __repr__(self) -> str:
         return "\n".join(

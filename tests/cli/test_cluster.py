@@ -4,12 +4,16 @@ import json
 import os
 import signal
 import sys
+from concurrent.futures import Future
+from contextlib import nullcontext
 from pathlib import Path
 from subprocess import PIPE, Popen
+from types import SimpleNamespace
 
 import pytest
 from cli_samples import wait_until, write_slow_study, write_study
 
+from mapmore_cli.annexes.campaigns import cluster
 from mapmore_cli.annexes.campaigns.cluster import (
     ATTEMPTS,
     Shared,
@@ -165,16 +169,66 @@ def test_a_cluster_that_is_not_there(tmp_path, monkeypatch):
     assert not list((tmp_path / "runs").iterdir())
 
 
+class Scheduler:
+    """Does each job at once. The job is the number of workers that start it."""
+
+    def subscribe_topic(self, _topic, note):
+        self.note = note
+
+    def scheduler_info(self):
+        return {"workers": {}}
+
+    def wait_for_workers(self, count):
+        assert count == 1
+
+    def run(self, _):
+        return {"a": None, "b": None}
+
+    def get_executor(self, **options):
+        # a job writes files, so that no stored result replaces it
+        assert options == {"pure": False, "retries": 0}
+        return self
+
+    def submit(self, _work, job, _shared, number):
+        done = Future()
+        for _ in range(job):
+            self.note((0.0, number))
+        done.set_result(f"{number} done")
+        return done
+
+
+def test_a_run_whose_worker_was_lost_is_told_when_it_starts_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "_connected", lambda _scheduler: nullcontext(Scheduler()))
+    jobs = {number: SimpleNamespace(elsewhere=lambda starts=number: starts) for number in (1, 2)}
+    told, said = [], []
+    ended = run_on_cluster(jobs, "here", tmp_path, lambda *one: told.append(one), said.append)
+    assert dict(ended) == {1: "1 done", 2: "2 done"}
+    assert told == [(2, "its worker died or was lost; the run is started again")]
+    assert said == ["here: waiting for a worker", f"here: 2 workers, which share {tmp_path}"]
+
+
+def test_a_worker_on_which_the_program_does_not_run_says_why_in_one_line():
+    class Old(Scheduler):
+        def run(self, _):
+            raise RuntimeError("no such module\nand much more")
+
+    with pytest.raises(UsageError, match=r"cannot run mapmore \(RuntimeError: no such module\)"):
+        checked_workers(Old(), Shared(Path("token"), "1", {}))
+
+
+def test_the_client_of_a_campaign_is_no_default_of_other_programs(monkeypatch):
+    monkeypatch.setattr("distributed.Client", lambda **how: how)
+    how = cluster._connected("tcp://127.0.0.1:9")
+    assert (how["address"], how["set_as_default"]) == ("tcp://127.0.0.1:9", False)
+
+
 @pytest.mark.parametrize(("losses", "workers"), [(0, 2), (ATTEMPTS - 1, 2), (ATTEMPTS, None)])
 def test_a_worker_that_is_lost_while_it_is_checked_is_not_a_wrong_installation(losses, workers):
     from distributed.comm import CommClosedError
 
     answers = [CommClosedError("Stream is closed")] * losses + [{"a": None, "b": None}]
 
-    class Scheduler:
-        def wait_for_workers(self, count):
-            assert count == 1
-
+    class Busy(Scheduler):
         def run(self, _):
             answer = answers.pop(0)
             if isinstance(answer, Exception):
@@ -182,7 +236,7 @@ def test_a_worker_that_is_lost_while_it_is_checked_is_not_a_wrong_installation(l
             return answer
 
     if workers is not None:
-        assert checked_workers(Scheduler(), Shared(Path("token"), "1", {})) == workers
+        assert checked_workers(Busy(), Shared(Path("token"), "1", {})) == workers
         return
     with pytest.raises(UsageError, match=f"lost {ATTEMPTS} times"):
-        checked_workers(Scheduler(), Shared(Path("token"), "1", {}))
+        checked_workers(Busy(), Shared(Path("token"), "1", {}))

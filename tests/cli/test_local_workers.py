@@ -6,7 +6,7 @@ import os
 import signal
 import subprocess
 import sys
-from concurrent.futures import process
+from concurrent.futures import ThreadPoolExecutor, process
 from pathlib import Path
 
 import pytest
@@ -14,6 +14,7 @@ from cli_samples import wait_until, write_slow_study
 from common import python
 from filelock import FileLock
 
+from mapmore_cli.annexes.campaigns import workers
 from mapmore_cli.annexes.campaigns.workers import in_processes
 from mapmore_cli.domain.errors import MapmoreError, WriteError
 
@@ -53,6 +54,19 @@ def test_a_worker_that_dies_costs_its_job_one_start(once, tmp_path):
 def test_no_jobs_need_no_process():
     """So it is where a campaign is known to be up to date by the seals of all its runs."""
     assert list(in_processes(abs, {}, 2, print)) == []
+
+
+@pytest.mark.parametrize(("count", "jobs", "started"), [(2, 3, 2), (5, 3, 3)])
+def test_there_are_no_more_processes_than_jobs(count, jobs, started, monkeypatch):
+    pools = []
+
+    def processes(size, _how):
+        pools.append(size)
+        return ThreadPoolExecutor(size)
+
+    monkeypatch.setattr(workers, "processes", processes)
+    assert len([*in_processes(abs, dict.fromkeys(range(jobs), -1), count, print)]) == jobs
+    assert pools == [started]
 
 
 def test_a_job_that_fails_is_not_started_again(tmp_path):

@@ -14,6 +14,7 @@ from cli_samples import BAR, EPS, write_columns
 
 import mapmore_cli as mm
 from mapmore_cli.api import fitted as fitted_module
+from mapmore_cli.api.sections import _reader_of
 from mapmore_cli.domain.errors import DataError, SpecError
 from mapmore_cli.ingestion.globs import expand
 
@@ -66,6 +67,7 @@ def test_long_fits_show_a_bar_in_a_terminal(wanted, seconds, shown, monkeypatch,
     monkeypatch.setattr("mapmore_cli.api.fitted.time", SimpleNamespace(monotonic=lambda: next(now)))
     with fitted_module._Bar(wanted) as bar:
         bar("segments", 1, 4)
+        bar("segments", 4, 4)
     assert ("segments" in capsys.readouterr().err) == shown
 
 
@@ -77,6 +79,17 @@ def test_a_file_gets_a_line_of_progress_every_five_seconds_and_at_the_end(monkey
         for clock.now, done in ((0.0, 1), (4.9, 2), (5.0, 3), (9.9, 3), (9.95, 4)):
             bar("segments", done, 4)
     assert capsys.readouterr().err == "".join(f"segments: {n} of 4\n" for n in (1, 3, 4))
+
+
+def test_a_bar_is_drawn_at_most_ten_times_in_a_second(monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    clock = SimpleNamespace(now=0.0)
+    time = SimpleNamespace(monotonic=lambda: clock.now)
+    monkeypatch.setattr("mapmore_cli.api.fitted.time", time)
+    with fitted_module._Bar(True) as bar:
+        for clock.now, done, drawn in ((0.0, 1, 1), (0.09, 2, 1), (0.11, 3, 3)):
+            bar("segments", done, 9)
+            assert bar._bar.tasks[0].completed == drawn
 
 
 def test_a_target_by_its_label_takes_all_columns_by_theirs():
@@ -120,6 +133,7 @@ def test_what_is_written_runs_to_the_same_scores(fitted, tmp_path):
     assert {path.name for path in spec.parent.iterdir()} == written
     modeline = "# yaml-language-server: $schema=mapmore.schema.json\n"
     assert spec.read_text().startswith(modeline)
+    assert "fuse:" not in spec.read_text()  # sections with default values only are left out
     found = mm.run(spec, tmp_path / "runs")
     assert tuple(found.scores) == tuple(fitted.scores)
     assert found.page.is_file()
@@ -242,6 +256,7 @@ def test_a_summary_has_what_a_regression_table_has():
     [
         ({"segmnt": {}}, SpecError, "did you mean `segment`"),
         ({"levls": {}}, SpecError, "did you mean `levels`"),
+        (dict.fromkeys("fedcba"), SpecError, "unknown key `a`"),
         (
             {"frame": {**FRAME, "eps": np.where(np.arange(125) == 17, np.nan, EPS)}},
             DataError,
@@ -270,3 +285,8 @@ def test_a_file_is_a_table_too(tmp_path):
     write_columns(path, ",".join(FRAME), *FRAME.values(), fmt="%.17g")
     assert mm.fit(path, **SECTIONS).scores.of_model() == mm.fit(FRAME, **SECTIONS).scores.of_model()
     assert expand("log.csv", tmp_path)
+    assert [_reader_of(f"log.{suffix}") for suffix in ("lvm", "csv", "odd")] == [
+        "lvm",
+        "csv",
+        "csv",
+    ]

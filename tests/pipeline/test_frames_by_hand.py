@@ -164,7 +164,8 @@ def test_a_spec_of_a_fit_reads_its_tables_from_memory(tmp_path):
         "dictionary": [{"terms": ["strain"]}],
         "data": {"columns": {"force": "F", "strain": "e"}},
     }
-    study = Study(document, ({"F": [1.0, 2.0], "e": [0.0, 0.1]},), tmp_path)
+    frame = {"F": [1.0, 2.0], "e": [0.0, 0.1]}
+    study = Study(document, (frame,), tmp_path, check=True, progress=None)
     loaded = study.loaded({"fit.max_terms": 3})
     assert (loaded.spec.fit.max_terms, [*loaded.tables]) == (3, ["recording_1"])
     text = study.written(tmp_path / "out" / "spec.yaml")

@@ -8,14 +8,22 @@ import pytest
 from matplotlib.figure import Figure
 from report_builder import Page, score
 
-from mapmore_cli.annexes.campaigns.figure import BEST_OTHER, MOST_RUNS, campaign_figures
-from mapmore_cli.annexes.campaigns.page import render_campaign, scores_of
+from mapmore_cli.annexes.campaigns import page
+from mapmore_cli.annexes.campaigns.figure import (
+    BEST_OTHER,
+    MOST_RUNS,
+    ROUNDING,
+    campaign_figures,
+)
+from mapmore_cli.annexes.campaigns.page import render_campaign, scores_of, write_page
 from mapmore_cli.annexes.campaigns.tables import (
     CampaignScores,
     campaign_tables,
+    models_table,
     nrmse_table,
     published_table,
 )
+from mapmore_cli.domain.errors import SpecError
 from mapmore_cli.domain.scores import REPEATABILITY, Published, ScoreTable
 
 
@@ -68,11 +76,11 @@ def test_exact_ties_are_told():
 
 
 def test_ratios_are_of_the_runs_that_have_both():
-    runs = runs_of("a mapmore 1 sarosi 2; b mapmore 8 sarosi 4; c mapmore 5")
+    runs = runs_of("a mapmore 1 sarosi 2; b mapmore 12 sarosi 4; c mapmore 5")
     table = nrmse_table(CampaignScores(runs, relative_to="sarosi"))
-    assert table.rows[:3] == (("a", 1.0, 2.0), ("b", 8.0, 4.0), ("c", 5.0, None))
-    assert table.rows[3][1] == pytest.approx(math.sqrt(0.5 * 2))
-    assert table.rows[4][1:] == (2.0, 1.0)
+    assert table.rows[:3] == (("a", 1.0, 2.0), ("b", 12.0, 4.0), ("c", 5.0, None))
+    assert table.rows[3][1] == pytest.approx(math.sqrt(0.5 * 3))
+    assert table.rows[4][1:] == (3.0, 1.0)
     assert table.rows[5][1:] == ("1 of 2", "0 of 2")
 
 
@@ -146,6 +154,10 @@ def test_published_numbers_stand_beside_ours_and_empty_columns_are_left_out():
     )
     assert table.rows == (("a", "mapmore", 2.0, 13.7, 2.0),)
     assert table.notes == ("Published: a paper.",)
+    both = {"mapmore": 13.7, "sarosi": 9.0}
+    paper = Published("a paper", rmse=both, nrmse={"mapmore": 0.1})
+    table = published_table(CampaignScores(runs, published={"a": paper}))
+    assert [row[-1] for row in table.rows] == [10.0, None]
 
 
 def test_tables_without_rows_are_left_out():
@@ -166,6 +178,10 @@ def test_nothing_is_in_proportion_to_an_error_of_zero():
         runs_of("a mapmore 1 sarosi 0 repeatability 0"), relative_to="sarosi", best_of=["sarosi"]
     )
     assert nrmse_table(scores).rows[1][1] is None
+    runs = runs_of("a mapmore 0 sarosi 0.5; b mapmore 0.25 sarosi 0.5")
+    exact = CampaignScores(runs, relative_to="sarosi")
+    assert [row[1] for row in nrmse_table(exact).rows[2:]] == [None, 0.5, "2 of 2"]
+    assert [row[3] for row in models_table(exact).rows] == [None, None, None, 2]
 
 
 def test_runs_with_few_models_in_common_are_listed():
@@ -187,7 +203,8 @@ def test_runs_with_few_models_in_common_are_listed():
     assert [row[3] for row in table.rows] == pytest.approx(
         [None, 1.5, 2.0, 0.5, None, 5.0, None, 2 / 3, None]
     )
-    assert not CampaignScores(runs_of("a mapmore 2 sarosi 4; b mapmore 1")).sparse
+    for fuller in ("a mapmore 2 sarosi 4; b mapmore 1", "a mapmore 2; b sarosi 4"):
+        assert not CampaignScores(runs_of(fuller)).sparse
 
 
 def test_scores_of_runs_have_the_groups_and_references_of_their_campaign():
@@ -211,6 +228,37 @@ def test_scores_of_runs_have_the_groups_and_references_of_their_campaign():
     scores = scores_of(results, campaign)
     assert (scores.groups, scores.relative_to) == ({"b (x)": "g", "b (y)": "g"}, "sarosi")
     assert scores.best_of == ["sarosi"]
+
+
+def test_a_page_is_written_again_and_also_if_no_run_has_made_a_folder(tmp_path):
+    runs = [SimpleNamespace(group=None)]
+    campaign = SimpleNamespace(campaign="all", title="", runs=runs, relative_to=None, best_of=())
+    for _ in range(2):
+        place, _ = write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", print)
+        assert "lost" in place.read_text()
+    told, record = [], place.parent / "campaign.json"
+    place.write_text("mine")
+    write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", told.append)
+    assert ["was changed after mapmore wrote the page" in message for message in told] == [True]
+    (kept,) = (tmp_path / "runs" / ".trash").rglob("index.html")
+    assert kept.read_text() == "mine"
+    # a record of an older version does not say which files were written
+    record.write_text('{"creator": "mapmore", "campaign": "all", "runs": []}')
+    place.write_text("old")
+    write_page(campaign, {"a": ValueError("lost")}, tmp_path / "runs", told.append)
+    assert len(told) == 1
+    assert "lost" in place.read_text()
+
+
+def test_a_run_with_a_mistake_in_its_spec_is_called_as_no_other(monkeypatch):
+    def load(config, _overrides):
+        raise SpecError(f"{config}: wrong", "mend it")
+
+    monkeypatch.setattr(page, "load", load)
+    configs = ("a.yaml", "b/a.yaml")
+    entries = [SimpleNamespace(config=one, called="a", overrides=()) for one in configs]
+    assert page.run_names(entries, [], {}) == ["a", "b/a.yaml"]
+    assert page.run_names(entries, [], {0: "known"}) == ["known", "a"]
 
 
 def drawn_lines(drawing):
@@ -244,6 +292,37 @@ def test_the_figure_of_a_campaign_has_a_row_for_each_run():
         assert campaign_figures(CampaignScores(runs_of(few))) == []
     without = campaign_figures(CampaignScores(runs_of("a mapmore 2; b mapmore 3")))
     assert [*drawn_lines(without[0])[0]] == ["mapmore"]
+
+
+def test_an_error_of_rounding_is_not_drawn():
+    errors = {"a": 0.5 * ROUNDING, "b": ROUNDING, "c": 2 * ROUNDING, "d": 1e-3}
+    runs = {name: [replace(row("mapmore", 1), nrmse=nrmse)] for name, nrmse in errors.items()}
+    (drawing,) = campaign_figures(CampaignScores(runs))
+    assert "mapmore in a, b." in drawing.alt
+    assert drawn_lines(drawing)[0]["mapmore"][1] == [2, 3]
+    assert ROUNDING == 1e-10
+
+
+def test_rows_of_the_figure_have_room_for_their_dots():
+    def figure_of(count):
+        text = "; ".join(f"r{n} mapmore 2 sarosi 3 repeatability 1" for n in range(count))
+        return campaign_figures(CampaignScores(runs_of(text), relative_to="sarosi"))[0]
+
+    few, many = map(figure_of, (2, 12))
+    step = (many.grid.height - few.grid.height) / 10  # inches of a row; a point is 1/72 of an inch
+    assert 0.1 < step < 0.5
+    assert 0 < few.grid.height - 2 * step < 1
+    ax = drawn_lines(many)[1]
+    assert all(3 < line.get_markersize() < 0.8 * 72 * step for line in ax.lines)
+    assert all(line.get_markeredgewidth() < 2 for line in ax.lines)
+    bars = [line.get_label() for line in ax.lines if line.get_marker() == "|"]
+    assert bars == [REPEATABILITY]  # which is no model
+    (rows,) = ax.collections
+    assert all(part[:, 0].tolist() == [0, 1] for part in rows.get_segments())
+    assert rows.get_linewidth()[0] < 1
+    assert rows.get_zorder() < min(line.get_zorder() for line in ax.lines)
+    labelled = ax.xaxis.get_major_locator().tick_values(0.7, 7)
+    assert {1, 2, 5} <= {*labelled.round(6)} <= {0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100}
 
 
 def test_of_very_many_runs_some_are_drawn_and_the_best_is_among_them():

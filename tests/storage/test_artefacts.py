@@ -37,6 +37,7 @@ from mapmore_cli.storage.artefacts.hdf5 import put_text
 from mapmore_cli.storage.artefacts.reference import described
 from mapmore_cli.storage.artefacts.schema import (
     SegmentationFile,
+    _same,
     bodies,
     stored_fields,
     taken_apart,
@@ -75,7 +76,7 @@ def test_files_of_older_formats_are_read(version, tmp_path):
 
 
 def test_a_column_of_a_recording_and_its_curve_is_stored_once(tmp_path):
-    path, force = tmp_path / "ingest.h5", np.arange(5000.0)
+    path, force = tmp_path / "ingest.h5", np.arange(4096.0)
     recording = Recording("r", "r.csv", {"force": force}, force.size, {})
     curve = Curve("r", None, {"force": force}, np.zeros(force.size, dtype=bool), ("r",))
     quantities = {"force": Quantity("force", "N")}
@@ -227,7 +228,9 @@ def arrays_of(path):
 
 def test_every_array_says_its_unit_and_what_it_is(written):
     for path in written.values():
-        assert all(all(attributes) for attributes in arrays_of(path).values())
+        for unit, description in arrays_of(path).values():
+            assert unit
+            assert " " in description
 
 
 UNITS = [
@@ -439,6 +442,11 @@ def test_every_form_comes_back_and_what_is_not_stored_has_its_default(tmp_path):
         assert {"sizes", "turns"}.isdisjoint(json.loads(file["document"].asstr()[()]))
 
 
+def test_a_value_is_its_default_if_both_are_equal_or_both_are_nan():
+    pairs = [(1.0, 1.0), (math.nan, math.nan), (1.0, math.nan), (math.nan, 1.0), (1.0, 2.0)]
+    assert [_same(*pair) for pair in pairs] == [True, True, False, False, False]
+
+
 @dataclass
 class Alias:
     """As NumPy 2.5 has `NDArray`: `type NDArray[T] = ndarray[Any, dtype[T]]`, which Python 3.11
@@ -460,6 +468,7 @@ def test_aliases_of_types_are_looked_through():
 
 def test_the_pages_of_the_format_follow_the_declarations():
     page = (Path(__file__).parents[2] / "docs" / "file-format.md").read_text(encoding="utf-8")
+    assert described() in page
     headings = set(re.findall(r"^### (\w+)$", described(), re.MULTILINE))
     assert set(re.findall(r"\]\(#(\w+)\)", described())) <= {
         heading.lower() for heading in headings

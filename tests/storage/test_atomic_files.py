@@ -7,6 +7,7 @@ import signal
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from threading import Timer
 
 import h5py
 import numpy as np
@@ -408,6 +409,25 @@ def test_a_file_system_without_locks(number, tmp_path, monkeypatch):
     ):
         pass
     assert told.value.remedy == "choose a local folder with --runs"
+
+
+@pytest.mark.skipif(not Path("/dev/fd").is_dir(), reason="needs the open files as a folder")
+def test_an_open_file_is_written_by_its_name_although_the_name_is_a_link(tmp_path):
+    with (
+        (tmp_path / "a").open("wb") as file,
+        atomic.opened_special(Path(f"/dev/fd/{file.fileno()}")) as stream,
+    ):
+        stream.write(b"x")
+    assert (tmp_path / "a").read_bytes() == b"x"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="flock is of POSIX")
+def test_a_locked_file_is_waited_for_unless_it_may_be_abandoned(tmp_path):
+    (tmp_path / "a").touch()
+    held = atomic._locked(tmp_path / "a")
+    assert atomic._locked(tmp_path / "a", patient=False) is None
+    Timer(0.05, os.close, [held]).start()
+    os.close(atomic._locked(tmp_path / "a"))
 
 
 @pytest.mark.parametrize("name", ["run.json", ".seal", "model.h5", "report/a.svg", "notes.txt"])

@@ -8,6 +8,8 @@ import signal
 import pytest
 from common import python
 
+from mapmore_cli.storage.artefacts import hdf5
+
 pytest.importorskip("resource", reason="the size of files can be limited on POSIX alone")
 
 
@@ -16,6 +18,13 @@ def told_by(script, *arguments):
     done = python(script, *arguments)
     assert (done.returncode, done.stderr) == (0, "")
     return done.stdout
+
+
+def test_after_a_fault_everything_seems_to_succeed(tmp_path):
+    with hdf5.SteadyFile(tmp_path / "a", "w") as file:
+        file.fault = OSError()
+        assert (file.write(b"abc"), file.truncate(7), file.truncate()) == (3, 7, 0)
+    assert (tmp_path / "a").read_bytes() == b""
 
 
 SCRIPT = """

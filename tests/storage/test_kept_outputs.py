@@ -10,7 +10,7 @@ import pytest
 
 from mapmore_cli.domain.errors import WriteError
 from mapmore_cli.pipeline.tables_in_memory import tables_of, write_tables
-from mapmore_cli.storage.inputs import files_read, note_read
+from mapmore_cli.storage.inputs import files_read, is_read, note_read
 from mapmore_cli.storage.outputs import (
     WRITTEN,
     refuse_early,
@@ -18,6 +18,16 @@ from mapmore_cli.storage.outputs import (
     write_chosen,
     written_as_text,
 )
+
+
+def test_a_file_that_was_read_is_known_by_each_of_its_names(tmp_path):
+    places = [tmp_path / name for name in ("a", "link", "other")]
+    for place in (places[0], places[2]):
+        place.touch()
+    os.link(places[0], places[1])
+    with files_read():
+        note_read([places[0]])
+        assert [*map(is_read, [*places, tmp_path / "none"])] == [True, True, False, False]
 
 
 def test_a_file_with_a_chosen_name_replaces_those_of_mapmore_alone(tmp_path):

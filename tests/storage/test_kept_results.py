@@ -23,6 +23,7 @@ def write(folder, slope, step=1):
 def test_results_stay_in_memory_until_their_file_is_replaced(tmp_path):
     first = write(tmp_path, 2.0)
     assert RunFiles(tmp_path).dataset() is first
+    assert not first.curves[0].columns["force"].flags.writeable
     # in a file, all arrays are contiguous
     other = write(tmp_path, 2.0, step=2)
     first = RunFiles(tmp_path).dataset()

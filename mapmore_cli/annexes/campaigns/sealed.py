@@ -92,7 +92,7 @@ def run_and_seal(job: Job) -> Finished:
     with files_read() as paths:
         loaded = load(job.config, job.overrides)
     run_dir = job.runs / loaded.spec.name
-    specs = sorted({os.path.relpath(path, run_dir) for path in paths})
+    specs = {os.path.relpath(path, run_dir) for path in paths}
     texts = _hashes_now(run_dir, specs)
     finished = run_one(job)
     if _can_be_sealed(loaded) and texts and _hashes_now(run_dir, specs) == texts:
@@ -104,7 +104,7 @@ def run_and_seal(job: Job) -> Finished:
     return finished
 
 
-def _hashes_now(run_dir: Path, specs: list[str]) -> dict[str, str]:
+def _hashes_now(run_dir: Path, specs: set[str]) -> dict[str, str]:
     """Return the hashes of the specs; an empty dictionary if one of the specs has disappeared."""
     with suppress(OSError):
         return hashes_of(run_dir, specs)

@@ -131,7 +131,7 @@ class FileKind(Generic[T]):
 
             content = encoded(record, self.type, put, units)
             put_arrays(file, arrays, digest)
-            document = json.dumps(content, ensure_ascii=False, allow_nan=False)
+            document = json.dumps(content, ensure_ascii=False)
             put_text(file, "document", document, "everything but arrays, as JSON")
             for name, text in provenance.items():
                 put_text(file, f"provenance/{name}", text, "where the file comes from")
@@ -244,7 +244,7 @@ def kind_of(path: Path) -> str:
         return kind
 
 
-def checksum_of(path: Path, anew: bool = False) -> str | None:
+def checksum_of(path: Path, anew: bool) -> str | None:
     """Return the checksum of a result file if its values still match it; None for a changed file
     and for any other file. With `anew`, the checksum is computed again even if this process already
     knows it.

@@ -50,7 +50,7 @@ class Decoder:
     """
 
     take: Take
-    lenient: bool = False
+    lenient: bool
 
     def value(self, node: object, hint: object, path: str, letters: Letters, sizes: Sizes) -> Any:
         """Return the object of the type `hint` that a part of the document, `node`, describes.

@@ -74,7 +74,7 @@ def put_array(
     """Store an array at a path and add it to a checksum; a huge array in blocks."""
     dtype = TYPES[value.dtype.type]
     packed = {"compression": "gzip", "shuffle": True} if LONG <= value.size < HUGE else {}
-    dataset = file.create_dataset(path, value.shape, dtype, track_times=False, **packed)
+    dataset = file.create_dataset(path, value.shape, dtype, **packed)
     digest.update(head_of_array(path, value, dtype))
     for rows in row_blocks(len(value), WIDE):
         block = np.ascontiguousarray(value[rows], dtype=dtype)
@@ -135,7 +135,7 @@ def put_text(file: h5py.File, path: str, text: str, description: str) -> None:
     """Store a text of any length. The type of the dataset declares the length."""
     data = text.replace("\0", "").encode()
     kind = h5py.string_dtype("utf-8", max(1, len(data)))
-    dataset = file.create_dataset(path, data=np.array(data, dtype=kind), track_times=False)
+    dataset = file.create_dataset(path, data=np.array(data, dtype=kind))
     dataset.attrs.update({"description": description, "unit": NO_UNIT})
 
 
@@ -239,7 +239,7 @@ def _without_repeated_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return members
 
 
-def look_over(file: h5py.File, size: int, ratio: int = RATIO) -> None:
+def look_over(file: h5py.File, size: int, ratio: int) -> None:
     """Raise Invalid for a file that is not a plain tree of numbers and texts, or that unpacks to
     far more than its `size` in bytes.
 

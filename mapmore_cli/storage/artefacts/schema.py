@@ -219,7 +219,7 @@ def resolved(unit: str, units: Units) -> str:
         unit = units.get(name, f"[{name}]")
         return f"({unit}){power}" if power and re.search(r"[*/ ^]", unit) else f"{unit}{power}"
 
-    return re.sub(r"\[([^\]]*)\](\^?)", known, unit) if "[" in unit else unit
+    return re.sub(r"\[([^\]]*)\](\^?)", known, unit)
 
 
 def encoded(
@@ -245,8 +245,7 @@ def encoded(
         return put(path, value, label[0], resolved(label[1] or "1", units))
     if is_dataclass(value):
         known = {**({"target": label[1]} if label[1] else {}), **units_of(value)}
-        if known:
-            units = {**units, **{name: resolved(unit, units) for name, unit in known.items()}}
+        units = {**units, **{name: resolved(unit, units) for name, unit in known.items()}}
         document: dict[object, object] = {}
         for word in (word for word, body in bodies(form.kind).items() if body is type(value)):
             document["kind"] = word

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def opened_hdf5(
-    path: Path, label: str, _request: TableRequest | None = None, kind: str = "HDF5 file"
+    path: Path, label: str, _request: TableRequest | None, kind: str = "HDF5 file"
 ) -> Iterator[Member]:
     """Open an HDF5 file; a file that MATLAB wrote is read as a MAT file.
 
@@ -394,12 +394,10 @@ def _refuse_other_filters(dataset: h5py.Dataset) -> None:
 
 
 def _check_fit(selection: Selection, shape: Sequence[int]) -> None:
-    """Raise IndexError for a selection outside of an array. NumPy does the same, but h5py raises
-    another error.
+    """Raise IndexError for a selection with more indices than an array has axes. NumPy does the
+    same, but h5py raises another error.
     """
-    if len(selection) > len(shape) or any(
-        isinstance(i, int) and i >= n for i, n in zip(selection, shape, strict=False)
-    ):
+    if len(selection) > len(shape):
         raise IndexError(selection)
 
 

@@ -56,7 +56,7 @@ def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, size: int) -> Me
 
     def values() -> Values:
         with archive.open(part) as stream:
-            return npy.read_array(stream, allow_pickle=False)
+            return npy.read_array(stream)
 
     if kind.names:
         return table_of_fields(kind.names, shape, lambda field: lambda at: values()[field][at])

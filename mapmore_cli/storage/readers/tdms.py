@@ -18,7 +18,6 @@ from mapmore_cli.storage.tables.cells import CellReader
 from mapmore_cli.storage.tables.members import Member, as_numbers
 from mapmore_cli.storage.tables.overview import tree_reader
 
-TAG = b"TDSm"
 # number of bytes before the contents of a segment: tag, flags, version, length and offset
 LEAD_IN = 28
 CUT = Cut(
@@ -110,10 +109,8 @@ def _breaks_off(stream: BinaryIO) -> bool:
     while position < size:
         stream.seek(position)
         lead_in = stream.read(LEAD_IN)
-        if len(lead_in) < LEAD_IN or not lead_in.startswith(TAG):
-            # if the tag is missing at the beginning of the file, the file is no TDMS file; if it is
-            # missing at a later segment, the file is incomplete
-            return position > 0
+        if len(lead_in) < LEAD_IN:
+            return True
         order: Literal["big", "little"] = "big" if lead_in[4] >> 6 & 1 else "little"
         # the length is 2^64 - 1 if LabVIEW crashed while it wrote the segment
         length = int.from_bytes(lead_in[12:20], order)

@@ -155,7 +155,7 @@ class OpenEnd:
 
     row: int
     rows: Sequence[Sequence[str]]
-    decimal: str = "."
+    decimal: str
 
 
 IN_MEMORY = "row from 0"

@@ -221,9 +221,7 @@ class CellReader:
         stamp = self._stamp(cell, text, value) if self.clock else None
         if stamp is None:
             known = (
-                one[1:]
-                for one in _KINDS
-                if re.fullmatch(one[0], text[: LONGEST_STAMP + 1], re.I | re.S)
+                one[1:] for one in _KINDS if re.fullmatch(one[0], text[:LONGEST_STAMP], re.I | re.S)
             )
             kind, remedy = next(known, ("", self.usual))
             stamps = f"give the form of the stamps, for example {FORMAT}" if self.clock else DATES
@@ -264,9 +262,9 @@ def stamp_of(text: str) -> tuple[str, float] | None:
 
     A stamp with a date gives the time since 1970. A stamp without a date gives the time since
     midnight, or since the start of the recording. Dates are written as in ISO 8601, as `2026/03/01`
-    or as `01.03.2026`, optionally followed by a time. If there is no time zone, UTC is assumed,
-    because only differences of times matter. Return None also for a stamp that is read differently
-    in different countries, such as `3/1/2026` or `12:30`.
+    or as `01.03.2026`, and a time follows. If there is no time zone, UTC is assumed, because only
+    differences of times matter. Return None also for a date without a time, and for a stamp that is
+    read differently in different countries, such as `3/1/2026` or `12:30`.
     """
     with suppress(ValueError):
         # a stamp in the form of ISO 8601 is parsed in a faster way

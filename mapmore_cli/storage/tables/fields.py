@@ -145,7 +145,7 @@ def _of_width(row: int, record: list[str], layout: TextLayout) -> list[str]:
         return [""] * width
     if has_nul:
         raise with_nul(request.label, row)
-    few = "few" if len(record) < width else "many"
+    few = "many" if record[width:] else "few"
     raise DataError(
         f"{request.label}:row {row}: too {few} fields: {len(record)}, but the first line "
         f"has {width}",

@@ -38,7 +38,7 @@ on.
 """
 
 
-def gated(reader: Reader, readers: Collection[Reader] = ()) -> Reader:
+def gated(reader: Reader, readers: Collection[Reader]) -> Reader:
     """Return the reader with two checks added. Before the first rows of a file are read, the format
     of the file is checked. After `read`, the tables are checked for incomplete rows. If a file
     cannot be read, the error names the reader among `readers` that can read it.
@@ -146,7 +146,7 @@ def _cut_in(end: OpenEnd, rows: Rows) -> Cut | None:
     if len(last) < min(map(_filled, before), default=0):
         why = f"only {len(last)} fields, fewer than the lines before it"
     elif len(column) >= FEWEST_ROWS and (
-        (len(digits) == 1 and len(number.partition(end.decimal)[2]) < max(digits))
+        len(number.partition(end.decimal)[2]) < min(digits) == max(digits)
         or (number.endswith(end.decimal) and not any(map(is_pointed, column)))
     ):
         cell = shortened(number) or "which is empty"

@@ -96,9 +96,7 @@ def open_lines(
         yield lines, raw
 
 
-def lines_of(
-    path: Path, told: Callable[[int, int], None] = lambda _read, _size: None
-) -> Iterator[str]:
+def lines_of(path: Path, told: Callable[[int, int], None]) -> Iterator[str]:
     """Yield the lines of a text file, each with its line break. Raises DataError if the file is
     missing, unreadable or incomplete.
 
@@ -236,7 +234,7 @@ class Lines(Iterator[str]):
         tail = data[begin:]
         self.padding += sum(tail.count(PADDING[i : i + 1]) for i in range(len(PADDING)))
         # only as many fill characters are stored as the longest line of a table may have
-        self._tail = (self._tail + tail)[: LONGEST + 1]
+        self._tail = (self._tail + tail)[:LONGEST]
         return data[:begin]
 
 

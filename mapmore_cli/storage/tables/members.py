@@ -312,7 +312,7 @@ def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None
             what = (
                 f"'{name}' was sampled every {first.step:.6g} s, '{column}' every {told.step:.6g} s"
             )
-        elif abs(later) > 0.01 * abs(told.step):
+        elif abs(later / told.step) > 0.01:
             what = f"'{column}' begins {later:.6g} s after '{name}'"
         else:
             continue
@@ -363,7 +363,7 @@ def _column(
     return as_numbers(values.reshape(-1), f"{label}: '{address}'", read), member.noted
 
 
-def as_numbers(values: object, what: str, read: CellReader | None = None) -> Array:
+def as_numbers(values: object, what: str, read: CellReader) -> Array:
     """Convert an array to numbers in an array of the same shape. `read` is the reader for cells of
     this column; `what` is the name of the array in messages.
 
@@ -371,7 +371,6 @@ def as_numbers(values: object, what: str, read: CellReader | None = None) -> Arr
     seconds since 1970, and durations become seconds, both in the unit of the column. Raises
     DataError for values that cannot be converted.
     """
-    read = read or CellReader()
     array = np.asarray(values)
     kind = array.dtype.kind
     if kind in "USO":

@@ -9,7 +9,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -88,10 +88,10 @@ class NumberColumn:
     group: str
     length: int
     values: Array
-    noted: Noted = field(default_factory=Noted)
+    noted: Noted
 
 
-def first_rows(top: Member, most: int, separator: str = "/") -> Top:
+def first_rows(top: Member, most: int, separator: str) -> Top:
     """Return the first rows of the log in a tree of arrays. The log consists of the longest columns
     of equal length in a group; there must be at least two.
 

@@ -85,21 +85,21 @@ def _facts(path: Path, title: str) -> list[Fact]:
 
 def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], list[int]]:
     """Return the indices of the hidden rows and of the hidden columns among those of `cells`."""
-    height, width = len(cells), max(map(len, cells), default=0)
+    height, width = len(cells), len(cells[0]) if cells else 0
     rows, columns = set[int](), set[int]()
     for top, first, bottom, last, said in facts:
         if said == HIDDEN and bottom == MOST:
             columns |= {*range(first, min(last + 1, width))}
         elif said == HIDDEN:
             rows |= {*range(top, min(bottom + 1, height))}
-    return sorted(rows), sorted(columns)
+    return [*rows], [*columns]
 
 
 def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
     """Replace cells about which a fact is known by a mark. Facts are errors, formulas that were
     never computed, numbers that are shown in per cent, and merged cells.
     """
-    width = max(map(len, cells), default=0)
+    width = len(cells[0]) if cells else 0
     # the number of marked cells is limited, because many overlapping ranges would take very long
     left = 4 * width * len(cells)
     for top, first, bottom, last, said in facts:

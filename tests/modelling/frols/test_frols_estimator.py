@@ -1,12 +1,16 @@
 """`FROLS` keeps the protocol of scikit-learn, and says what the engine says."""
 
+from fractions import Fraction
+
 import numpy as np
+import pyarrow as pa
 import pytest
 from common import python
 from sklearn.model_selection import GridSearchCV
 from sklearn.utils.estimator_checks import check_estimator
 
 import mapmore_cli as mm
+from mapmore_cli.api.estimator import _expanded, _no_unit
 from mapmore_cli.modelling.frols import frols
 
 
@@ -63,6 +67,19 @@ def test_columns_far_from_zero_are_as_good_as_columns_about_zero(offset):
     wanted = {"1": 1 - 2 * offset + 3 * offset**2, "x0": 2 - 6 * offset, "x0^2": 3.0}
     assert found == pytest.approx(wanted, rel=1e-7)
     assert model.err_.sum() == pytest.approx(1)
+
+
+@pytest.mark.parametrize(("offset", "name"), [(0.5, "x0 - 0.5"), (-0.5, "x0 + 0.5")])
+def test_terms_of_a_centred_column_name_its_offset(offset, name):
+    x = np.arange(-25, 26)
+    model = mm.FROLS(order=1, max_terms=1).fit((offset + x / 2**30)[:, None], 7 * x)
+    assert model.selection_.names == (name,)
+
+
+def test_powers_of_differences_are_expanded_by_the_binomial_theorem():
+    """x (y - 3)^2 = 9 x - 6 x y + x y^2."""
+    expanded = dict(_expanded([1, 2], [Fraction(0), Fraction(3)]))
+    assert expanded == {(1, 0): 9, (1, 1): -6, (1, 2): 1}
 
 
 def test_what_the_shift_of_columns_makes_and_takes_again_is_no_term():
@@ -124,6 +141,22 @@ X = np.column_stack([np.arange(6.0), np.arange(6.0) ** 2])
 def test_tables_that_cannot_be_fitted(table, target, words):
     with pytest.raises((ValueError, TypeError), match=words):
         mm.FROLS().fit(table, target)
+
+
+def test_two_samples_are_enough_and_names_that_are_no_identifiers_are_numbered():
+    table = pa.table({"a": [0.0, 1.0], "b c": [0.0, 0.0]})
+    model = mm.FROLS(order=1, max_terms=2, tolerance=0.0).fit(table, [1.0, 3.0])
+    assert dict(zip(model.terms_, model.coef_, strict=True)) == pytest.approx({"1": 1, "x0": 2})
+    model.fit(table.rename_columns(["a", "b"]), [1.0, 3.0])
+    assert {*model.terms_} == {"1", "a"}
+    assert [*model.feature_names_in_] == ["a", "b"]
+    assert not hasattr(model.fit(X, X[:, 0]), "feature_names_in_")
+
+
+def test_numbers_with_a_unit_are_refused_unless_it_is_one():
+    assert _no_unit(X, "dimensionless") is X
+    with pytest.raises(ValueError, match="unit kPa"):
+        _no_unit(X, "kPa")
 
 
 def test_a_model_predicts_tables_of_the_columns_that_it_was_fitted_to():

@@ -41,6 +41,17 @@ def test_what_a_cell_is(cell, number):
     assert found is None if number is None else np.array_equal(found, number, equal_nan=True)
 
 
+@pytest.mark.parametrize(
+    ("decimal", "thousands", "cell"),
+    [(".", ".", "1.234,5"), (",", ",", "1,234.5"), (".", ",", "1,234.5"), (".", "'", "1'234.5")],
+)
+def test_one_of_point_and_comma_is_the_decimal_mark_if_the_other_separates_thousands(
+    decimal, thousands, cell
+):
+    request = TableRequest("a", ("x",), decimal=decimal, thousands=thousands)
+    assert request.cells("x")(cell) == 1234.5
+
+
 def test_stamps_are_in_the_unit_of_the_column_from_their_epoch():
     def read(cell, layout=None, second=1000.0):
         return CellReader(clock=True, format=layout, second=second)(cell)
@@ -64,6 +75,11 @@ def test_a_stamp_has_at_most_forty_characters():
         assert len(fits) == 40
         assert stamp_of(fits)[1] == 1772366400
         assert stamp_of(form.format(" " * 23)) is None
+
+
+def test_a_date_alone_is_no_stamp():
+    for date in ("2026-03-01", "20260301T120000", "2026/03/01", "01.03.2026"):
+        assert stamp_of(date) is None
 
 
 def test_messages_show_forty_characters_in_ascii():
@@ -130,7 +146,13 @@ def test_words_and_empty_cells_hold_no_number():
     [
         *(([950, 1.05, 1.999], True), ([950, -1.001, np.nan], True), ([999, 1.05], True)),
         *(([1000, 1.05], False), ([950, 940], False), ([1.05, 1.07], False)),
-        *(([950, 0.999], False), ([950, 1.0505], False), ([], False), ([0, 1.001], True)),
+        *(
+            ([950, 0.999], False),
+            ([950, 1.0505], False),
+            ([950, 1.000000005], False),
+            ([], False),
+            ([0, 1.001], True),
+        ),
     ],
 )
 def test_numbers_that_may_have_thousands(values, may_be, monkeypatch):
@@ -216,6 +238,12 @@ def test_tables_below_each_other():
     assert [number for number, _ in (*labelled.header, *labelled.rows)] == [1, 2, 3, 4]
     parts = tables_below(rows("1;2\n3;4\n\n5;6\n7;8\nF;1\n1;2\n3;4"), 0, holds_number)
     assert [[number for number, _ in part.rows] for part in parts] == [[1, 2], [4, 5], [7, 8]]
+    # a row of another width stays in a table with titles, so that the reader refuses the row
+    (titled,) = tables_below(rows("x;y\n1;2\n3;4\n5;6;7"), 1, holds_number)
+    assert [number for number, _ in titled.rows] == [2, 3, 4]
+    # the name of the logger and the date are no title of the first table
+    text = "logger 7\n1 March\nrun 1\nx;y\n1;2\n3;4\nrun 2\nx;y\n5;6\n7;8"
+    assert [one.title for one in tables_below(rows(text), 1, holds_number)] == ["run 1", "run 2"]
 
 
 def test_a_table_is_chosen_by_its_number_from_one():
@@ -227,6 +255,9 @@ def test_a_table_is_chosen_by_its_number_from_one():
     for text in ("", "a;1;2", "a\n3;4"):
         with pytest.raises(DataError, match="contains no map"):
             chosen_table(rows(text), TableRequest("a", (), table="map"), holds_number)
+    short = chosen_table(rows("a;1;2\n3;4"), TableRequest("a", (), table="map"), holds_number)
+    assert [cells for _, cells in short.rows] == [["3", "1", "4"], ["3", "2", ""]]
+    assert short.begin == 1
 
 
 def test_cells_that_a_row_or_a_record_lacks_are_missing():
@@ -268,7 +299,8 @@ def test_columns_of_rows_are_called_by_their_titles_or_their_places():
     ],
 )
 def test_a_last_line_without_end_that_was_cut(before, last, cut):
-    found = _cut_in(OpenEnd(90, [line.split(",") for line in [*before, last]]), range(1, 91))
+    lines = [line.split(",") for line in [*before, last]]
+    found = _cut_in(OpenEnd(90, lines, "."), range(1, 91))
     assert (found is not None) is cut
     assert found is None or found.rows == 1
 

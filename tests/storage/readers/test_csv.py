@@ -14,6 +14,7 @@ from reading import csv_table, refusal
 
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage.readers import READERS, TableRequest
+from mapmore_cli.storage.readers.csv import below_csv, peek_csv
 from mapmore_cli.storage.tables.fields import values_of_records
 
 PATIENT = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -187,6 +188,13 @@ def test_ordinary_lines_are_read_at_once(tmp_path, monkeypatch, text, dialect):
     content = (text.splitlines(keepends=True)[0] + text).encode()
     table = csv_table(tmp_path / "a", content, 1, 0, **dialect)
     assert [table.columns[place].tolist() for place in (0, 1)] == [[1, 3.5], [2, -400]]
+
+
+def test_a_time_stamp_of_digits_is_no_number(tmp_path):
+    """Although the other columns hold numbers only."""
+    asked = {"clocks": frozenset({"t"}), "formats": {"t": "%M%S"}}
+    table = csv_table(tmp_path / "a", b"t,F\n0130,1.5\n0200,2\n", "t", "F", **asked)
+    assert [one.tolist() for one in table.columns.values()] == [[90, 120], [1.5, 2]]
 
 
 def test_numbers_are_those_of_python_to_the_last_bit(tmp_path, monkeypatch):
@@ -380,6 +388,30 @@ def test_a_last_line_that_was_cut_off_is_refused_in_every_table(tmp_path, kind, 
     )
     found = table.columns[column]
     np.testing.assert_array_equal(found[np.isfinite(found)], whole.columns[column][:-samples])
+
+
+def test_a_text_is_split_in_the_same_order_of_ways_in_every_process(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text('t,F\n"1,5","2,5"\n')
+    ways = [(top.settings, [*map(len, top.rows)]) for top in peek_csv(path, 9)]
+    assert ({"decimal": ","}, [2, 2]) in ways  # a comma is both delimiter and decimal mark
+    path.write_text("t F\n1 234\n1'234\n1,234.5\n1.234,5\n")
+    marks = dict.fromkeys(top.settings.get("thousands") for top in peek_csv(path, 9))
+    assert [*marks] == [None, " ", "'", ",", "."]
+    for way in (top.settings for top in peek_csv(path, 9)):
+        delimiter = way.get("delimiter", ",").replace("whitespace", " ")
+        others = way.get("decimal", "."), delimiter
+        assert others != (",", ",")
+        assert way.get("thousands") not in others
+
+
+@pytest.mark.parametrize(("header", "between"), [(1, "run 2\nt,F\n"), (0, "\n")])
+def test_a_long_text_is_read_to_its_end_only_if_a_table_may_stand_below(tmp_path, header, between):
+    path, half = tmp_path / "a.csv", "1,2\n" * 150
+    for text, count in ((half * 2, 200 - header), (f"{half}{between}{half}", 300)):
+        path.write_text("t,F\n" * header + text)
+        tables = below_csv(path, TableRequest("a.csv", (), header=header))
+        assert sum(len(table.rows) for table in tables) == count
 
 
 def test_a_last_line_whose_last_cell_is_empty_is_refused_in_words_that_say_so(tmp_path):

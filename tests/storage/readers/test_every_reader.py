@@ -10,7 +10,7 @@ from reading import refusal
 from mapmore_cli.domain.errors import DataError
 from mapmore_cli.storage import readers
 from mapmore_cli.storage.readers import READERS
-from mapmore_cli.storage.tables import IN_MEMORY, RawTable, Reader, reading
+from mapmore_cli.storage.tables import IN_MEMORY, RawTable, Reader, reading, refuse_bombs
 
 
 def test_every_file_of_the_folder_declares_a_reader_that_a_test_names():
@@ -23,6 +23,13 @@ def test_no_two_readers_claim_a_suffix():
     suffixes = [suffix for reader in READERS.values() for suffix in reader.suffixes]
     assert len(set(suffixes)) == len(suffixes)
     assert all(suffix.startswith(".") and suffix == suffix.lower() for suffix in suffixes)
+
+
+def test_columns_have_numbers_in_all_formats_but_those_that_name_each_column():
+    assert {reader.name for reader in READERS.values() if not reader.by_index} == {
+        "parquet",
+        "tdms",
+    }
 
 
 @pytest.mark.parametrize("reader", READERS)
@@ -79,6 +86,15 @@ def test_errors_of_parsers_name_the_file_and_faults_of_the_program_do_not(fault,
     with pytest.raises(kind) as told, reading("a.csv", "text"):
         raise fault
     assert getattr(told.value, "message", str(told.value)) == message
+
+
+@pytest.mark.parametrize(
+    ("most", "packed", "size"), [(100_000_000, 1, None), (1000, 1, 1000), (2000, 10, 1000)]
+)
+def test_data_may_unpack_to_a_limit_and_to_two_hundred_times_their_size(most, packed, size):
+    refuse_bombs("a", most, packed, size)
+    with pytest.raises(DataError, match="a unpacks from"):
+        refuse_bombs("a", most + 1, packed, size)
 
 
 def test_a_sample_has_a_place_in_its_file_or_in_memory():

@@ -92,7 +92,7 @@ def reader_called(kind):
         from mapmore_template.reader import READER
 
         sys.path.remove(str(PLUGIN))
-        return gated(READER)
+        return gated(READER, ())
     return READERS["xlsx" if kind in BOOKS else kind.removeprefix("4.")]
 
 

@@ -6,6 +6,8 @@ import pytest
 from common import parts
 from reading import refusal, table_of
 
+from mapmore_cli.storage.readers import hdf5
+
 T = np.arange(6.0)
 
 
@@ -90,3 +92,40 @@ def test_a_file_is_of_matlab_if_one_of_its_members_is(tmp_path):
         made["P"].attrs["MATLAB_class"] = b"double"
     table = table_of("hdf5", tmp_path / "a.h5", "P[:,1]")
     np.testing.assert_array_equal(table.columns["P[:,1]"], T + 1)
+
+
+def test_a_group_is_a_struct_array_only_if_all_its_fields_are_references(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as made:
+        made["run/x"], made["P"] = T, T
+        made["run/of"] = np.array([made["P"].ref], dtype=h5py.ref_dtype)
+        made["P"].attrs["MATLAB_class"] = b"double"
+    table = table_of("hdf5", tmp_path / "a.h5", "run.x")
+    np.testing.assert_array_equal(table.columns["run.x"], T)
+
+
+def test_texts_are_read_in_parts_that_fit_into_memory_even_if_each_is_as_long_as_the_file(
+    monkeypatch,
+):
+    with h5py.File("a", "w", driver="core", backing_store=False) as file:
+        file["texts"] = texts = [[f"{n}", "x"] for n in range(7)]
+        stored, taken, sizes = file["texts"], [], []
+
+        class Noted:
+            def __getitem__(self, rows):
+                taken.append(rows)
+                return stored[rows]
+
+        monkeypatch.setattr(hdf5, "BOMB_SIZE", 6 * file.id.get_filesize())
+        monkeypatch.setattr(hdf5, "refuse_bombs", lambda _name, size, _: sizes.append(size))
+        assert hdf5._texts(stored, Noted()).astype(str).tolist() == texts
+    assert [(rows.start, rows.stop) for rows in taken] == [(0, 3), (3, 6), (6, 9)]
+    assert sizes == [17 * count for count in (6, 12, 14)]  # a letter, and where it stands
+
+
+@pytest.mark.parametrize(("kind", "each"), [("f4", 8), ("f8", 8), ("S100", 100)])
+def test_a_value_that_was_read_takes_eight_bytes_at_least(kind, each):
+    token = hdf5._read.set({})
+    with h5py.File("a", "w", driver="core", backing_store=False) as file:
+        hdf5._own_values(file.create_dataset("x", (3, 5), kind), (slice(None), 2))
+    assert [*hdf5._read.get().values()] == [3 * each]
+    hdf5._read.reset(token)

@@ -25,6 +25,8 @@ from mapmore_cli.storage.tables.overview import NumberColumn, _log, _sample_time
         *((text.encode("cp1252"), "cp1252") for text in ("ÄÖÜ ÀÉ ä", "l’été – “n”", "²³ µm °C")),
         ("Young’s modulus".encode("cp1252"), "cp1252"),
         ("时间(秒);压力".encode("gbk")[:-1], "gb18030"),
+        # at least half of the characters of two bytes are frequent letters
+        *(("力（".encode("gbk"), "gb18030"), ("力（）".encode("gbk"), "cp1252")),
         (b"a;b" + b"\0" * 99, "utf-8"),
         # more than 35 of 100 bytes are zeros among the upper bytes
         (b"a\0" * 36 + b"aa" * 14, "utf-16-le"),
@@ -55,6 +57,10 @@ def test_lines_end_in_three_ways_and_padding_is_no_text(chunk, monkeypatch):
         lines = lines_of(b"1\n2\n" + end)
         assert [*lines] == ["1\n", "2\n"]
         assert lines.padding == 3
+    assert [*lines_of(b"abc\xc3def\n")] == ["abc\udcc3def\n"]  # half a letter among others
+    lines = lines_of(b"1,2\n2,\0\n")
+    assert [*lines] == ["1,2\n", "2,\0\n"]
+    assert lines.padding == 0  # but a damaged cell
     lines = lines_of(b"1\n\0\n2\n")
     assert [*lines] == ["1\n", "\0\n", "2\n"]
     assert lines.padding == 0
@@ -71,14 +77,30 @@ def test_blocks_hold_whole_lines(monkeypatch):
     assert (lines.taken, lines.rows) == (9, 2)
 
 
+@pytest.mark.parametrize(("kept", "last"), [(100, ["34", "5", "6"]), (4, ["5", "6"])])
+def test_the_last_lines_of_a_text_are_whole(monkeypatch, kept, last):
+    for name, number in (("CHUNK", 4), ("KEPT", kept), ("LAST_LINES", 3)):
+        monkeypatch.setattr(module, name, number)
+    lines = lines_of(b"12\n34\n5\n6")
+    assert len([*lines]) == 4
+    assert lines.last_lines() == last
+    whole = lines_of(b"5\n6")
+    assert [*whole] == ["5\n", "6"]
+    assert whole.last_lines() == ["5", "6"]
+
+
 def test_lines_and_texts_that_are_no_tables(monkeypatch):
     monkeypatch.setattr(module, "CHUNK", 4)
     monkeypatch.setattr(module, "LONGEST", 8)
-    assert [*lines_of(b"1\n12345678\n")] == ["1\n", "12345678\n"]
+    for text in (b"1\n12345678\n", b"12345678\n"):
+        assert "".join(lines_of(text)).encode() == text
+    device = lines_of(b"\0" * 8)
+    device.endless = True
+    assert [*device] == []
     with pytest.raises(DataError, match=r"a.csv:row 2: is longer"):
         list(lines_of(b"1\n1234567890123\n"))
     with pytest.raises(DataError, match=r"zero:row 1: is longer"):
-        list(module.lines_of(Path("/dev/zero")))  # a device without an end
+        list(module.lines_of(Path("/dev/zero"), print))  # a device without an end
     assert [*lines_of(b"\0" * 40)] == []
 
 
@@ -93,7 +115,8 @@ def test_records_of_fields_and_the_number_of_their_last_line():
         ("4,5", ["4", "5"], 6),
     ]
     assert records('"20"1.2,3\n')[0][1] == ['"20"1.2', "3"]
-    for swallowed in (['"1\n', "2,3\n", '4",5\n'], ['"1\n', "2\n"]):
+    assert records('"a\x0b1,2",3\n')[0][1] == ["a\x0b1,2", "3"]  # a tabulator ends no line
+    for swallowed in (['"1\n', "2,3\n", '4",5\n'], ['"1\n', "2\n"], ['"1\n', "a,3\n", '4",5\n']):
         with pytest.raises(DataError, match=r"a.csv:row 2: a quotation mark opens here"):
             records("a,b\n", *swallowed)
 

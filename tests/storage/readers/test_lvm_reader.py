@@ -68,6 +68,7 @@ def test_separators_and_times_are_those_that_the_file_says(tmp_path, text):
     np.testing.assert_array_equal(table.columns["F"], [1.25, 2.25, 3.25])
     assert [table.noted[name].unit for name in (0, "P", "F")] == ["s", "kPa", "N"]
     assert (table.noted["F"].step, table.doubts) == (0.1, ())
+    assert not table.noted["F"].is_scaled
     refusal(["a.lvm: there is no column 'p'", "Did you mean 'P'?"], "lvm", path, "p")
 
 
@@ -89,6 +90,9 @@ LATER = FIRST.replace("12:00:00", "12:00:01")
         (FIRST + FIRST.replace("\n0.", "\n7."), [[0, 0.1, 0.2, 7, 7.1, 7.2]]),
         (LATER + FIRST, [[0, 0.1, 0.2], [-1, -0.9, -0.8]]),
         (FIRST + LATER.replace("P\tF", "P\tx"), [[0, 0.1, 0.2], [1, 1.1, 1.2]]),
+        (FIRST + LATER.partition("X_Value")[0], [[0, 0.1, 0.2]]),
+        # a time that occurs twice does not go on
+        (FIRST + FIRST.replace("\n0.0", "\n0.2"), [[0, 0.1, 0.2], [0.2, 0.1, 0.2]]),
     ],
 )
 def test_segments_of_the_same_titles_whose_time_goes_on_are_one_recording(tmp_path, text, times):
@@ -96,6 +100,13 @@ def test_segments_of_the_same_titles_whose_time_goes_on_are_one_recording(tmp_pa
     for table, expected in zip(tables, times, strict=True):
         np.testing.assert_allclose(table.columns["X_Value"], expected, atol=1e-9)
     assert [table.element for table in tables] == ([None] if len(tables) == 1 else [0, 1])
+
+
+def test_a_row_that_ends_before_a_column_of_times_lacks_this_time(tmp_path):
+    path = written(tmp_path / "a.lvm", HEAD.replace("One", "Multi") + EVERY + "0.3\t103.5\n")
+    table = table_of("lvm", path, 2, "P")
+    np.testing.assert_array_equal(table.columns[2], [0, 0.1, 0.2, np.nan])
+    np.testing.assert_array_equal(table.columns["P"], [100.5, 101.5, 102.5, 103.5])
 
 
 def test_only_the_last_segment_of_a_file_can_have_a_line_without_its_end(tmp_path):

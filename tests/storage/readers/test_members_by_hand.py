@@ -18,9 +18,16 @@ from mapmore_cli.storage.tables.members import (
     size_in_words,
     tables,
 )
-from mapmore_cli.storage.tables.overview import TreeMember, _columns_of, _places
+from mapmore_cli.storage.tables.overview import (
+    TreeMember,
+    _columns_of,
+    _first_recording,
+    _places,
+    _title_of,
+    first_rows,
+)
 
-WHOLE = slice(None)
+WHOLE, PLAIN = slice(None), CellReader()
 
 
 @pytest.mark.parametrize(
@@ -36,7 +43,7 @@ def test_addresses_are_names_and_indices(text, steps):
 
 
 @pytest.mark.parametrize(
-    "text", ["a..b", "a.", "a[", "a[]", "a[-1]", "a[1.5]", "a[x]", "a.[1]", "a]"]
+    "text", ["a..b", "a.", "a[", "a[]", "a[-1]", "a[1.5]", "a[x]", "a[0,x]", "a.[1]", "a]"]
 )
 def test_other_addresses_are_refused(text):
     with pytest.raises(DataError, match="not a valid"):
@@ -127,7 +134,7 @@ def test_columns_of_different_length_are_cut_to_the_shortest():
 @pytest.mark.parametrize(
     ("step", "start", "words"),
     [
-        *((0.1, 5.0, ""), (0.1 * (1 + 0.9e-6), 5.0, ""), (0.1, 5.00099, ""), (0.0, 9.0, "")),
+        *((0.1, 5.0, ""), (0.1 * (1 + 0.9e-6), 5.0, ""), (0.1, 5.001, ""), (0.0, 9.0, "")),
         *((0.1 * (1 + 1.1e-6), 5.0, "sampled every 0.1 s"), (0.2, 5.0, "'y' every 0.2 s")),
         *((0.1, 5.0011, "begins 0.0011 s after 'x'"), (0.1, 4.9989, "begins -0.0011 s")),
     ],
@@ -150,14 +157,18 @@ def test_stamps_and_durations_are_in_the_unit_of_the_column():
     assert as_numbers(np.timedelta64(90, "m"), "a", CellReader(clock=True)) == 5400
     for array, word in ((stamps, "a date"), (np.array([1], "m8[s]"), "a duration")):
         with pytest.raises(DataError, match=f"a: {word}, not a number"):
-            as_numbers(array, "a")
+            as_numbers(array, "a", PLAIN)
     for array, word in (([1j], "complex"), ([True], "TRUE"), (np.zeros(1, "V4"), "references")):
         with pytest.raises(DataError, match=f"a holds {word}"):
-            as_numbers(array, "a")
+            as_numbers(array, "a", PLAIN)
     texts = np.array([["1", "2.5"], ["1", ""]])
-    np.testing.assert_array_equal(as_numbers(texts, "a"), [[1, 2.5], [1, np.nan]])
+    np.testing.assert_array_equal(as_numbers(texts, "a", PLAIN), [[1, 2.5], [1, np.nan]])
+    grouped = np.array(["950", "1.050"])
+    assert as_numbers(grouped, "a", CellReader(thousands="'")).tolist() == [950, 1.05]
+    with pytest.raises(DataError, match="may be 1050"):
+        as_numbers(grouped, "a", PLAIN)
     with pytest.raises(DataError, match="a holds text, not real numbers: index 2"):
-        as_numbers(np.array(["1", "1", "b"]), "a")
+        as_numbers(np.array(["1", "1", "b"]), "a", PLAIN)
 
 
 def test_a_survey_is_of_five_hundred_members_and_tables_of_64_columns():
@@ -167,7 +178,40 @@ def test_a_survey_is_of_five_hundred_members_and_tables_of_64_columns():
     for shape, count in (((100, 64), 64), ((64, 100), 64), ((100, 65), 0), ((65, 65), 0)):
         columns = [*_columns_of(TreeMember("m", "m", "", numbers(np.ones(shape))), 5)]
         assert len(columns) == count
+    for shape in ((), (1,), (1, 1)):
+        (single,) = _columns_of(TreeMember("m", "m", "", numbers(np.full(shape, 7.0))), 5)
+        assert (single.length, single.values.tolist()) == (1, [7])
         assert all((one.length, one.values.size) == (100, 5) for one in columns)
+
+
+def test_the_name_of_a_quantity_stands_beside_its_values():
+    def text(word):
+        return Member("text", values=lambda _: np.array([word]))
+
+    named = tree({"values": numbers([1.0]), "time": numbers([1.0]), "name": text("F")})
+    assert [_title_of(named, name, "v") for name in ("values", "time")] == ["F", "time"]
+    signal = {"values": numbers([1.0]), "dimensions": numbers(1.0), "blockName": text("rig/F")}
+    assert [_title_of(tree(signal), name, "v") for name in signal] == ["F", *[*signal][1:]]
+    assert _title_of(tree({**signal, "label": text("P")}), "values", "v") == "P"
+    assert _title_of(tree({**signal, "blockName": text("")}), "values", "v") == "v"
+
+
+@pytest.mark.parametrize(("beside", "is_one"), [([[7.0]], True), ([[1.0, 2.0, 3.0]], False)])
+def test_groups_beside_columns_are_no_recordings(beside, is_one):
+    """But they may stand beside single values, for example of settings."""
+    log = tree({"x": numbers([1.0, 2.0]), "y": numbers([3.0, 4.0])})
+    first = _first_recording(tree({"a": numbers(beside), "run_1": log, "run_2": log}))
+    assert (first is log) is is_one
+    cells = Member("a cell array of 2", count=2, element=[log, numbers([1.0])].__getitem__)
+    assert _first_recording(cells) is log
+
+
+def test_columns_of_a_log_are_titled_if_one_of_them_has_a_name():
+    log = {"t": numbers([0.0, 0.5]), "m": numbers([[1.0, 2.0], [3.0, 4.0]])}
+    assert first_rows(tree(log), 9, "/").rows == [["t", "m[:,0]", "m[:,1]"], (0, 1, 2), (0.5, 3, 4)]
+    assert first_rows(tree({"m": log["m"]}), 9, "/").rows == [(1, 2), (3, 4)]
+    dates = {"t": numbers(np.array([0, 60], "M8[s]")), "x": numbers([1.0, 2.0])}
+    assert first_rows(tree(dates), 9, "/").rows == [["t", "x"], (0, 1), (60, 2)]
 
 
 def test_a_member_among_many_is_found_at_once():

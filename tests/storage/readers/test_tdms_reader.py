@@ -88,7 +88,10 @@ def test_cut_files_are_noticed_and_read_where_the_spec_drops_what_is_missing(fil
     second = whole.index(b"TDSm", 4)
     third = whole.index(b"TDSm", second + 4)
     cut = tmp_path / "cut.tdms"
-    for end in {*range(0, third, 37), *range(second + 1, second + 60)} - {0, second}:
+    for end in {10, len(whole) - 1, *range(0, third, 37), *range(second + 1, second + 60)} - {
+        0,
+        second,
+    }:
         cut.write_bytes(whole[:end])
         with pytest.raises(
             DataError, match=r"a\.tdms: the (last segment is incomplete|file is damaged)"

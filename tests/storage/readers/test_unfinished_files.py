@@ -135,6 +135,12 @@ def test_rows_of_a_matrix_that_were_never_written_are_missing(tmp_path):
     table = table_of("hdf5", tmp_path / "b", "log[:,1]", incomplete=True)
     expected = np.where(np.arange(40) < 10, 0.0, np.nan)
     np.testing.assert_array_equal(table.columns["log[:,1]"], expected)
+    with h5py.File(tmp_path / "c", "w") as file:  # other columns are complete
+        log = file.create_dataset("log", (40, 64), "f8", chunks=(10, 32))
+        log[:20, :32] = log[:, 32:] = 1.0
+    table = table_of("hdf5", tmp_path / "c", "log[:,1]", incomplete=True)
+    expected = np.where(np.arange(40) < 20, 1.0, np.nan)
+    np.testing.assert_array_equal(table.columns["log[:,1]"], expected)
 
 
 def test_durations_are_seconds_in_the_column_of_the_time(tmp_path):

@@ -4,6 +4,7 @@ from contextlib import nullcontext
 from datetime import date, datetime, time
 from struct import pack
 from types import SimpleNamespace
+from zipfile import ZipFile
 
 import pytest
 from reading import workbook, xlsb_record
@@ -75,11 +76,94 @@ def test_a_sheet_may_span_as_many_cells_as_the_file_has_bytes_for(tmp_path, monk
             assert (title, is_visible, cells) == ("a", True, [[1, 2, 3], [4, 5, 6]])
 
 
+def test_rows_at_the_end_that_hold_formulas_only_belong_to_the_sheet(tmp_path, monkeypatch):
+    """The library leaves out rows at the end that have no value."""
+    workbook(tmp_path / "a.xlsx", a=[[1, "x"], ["=A1"], ["=A2"]])
+    lacking = [{"lacks": ""}, ""]
+    for most, rows in ((0, 3), (3, 3), (2, 2), (1, 1)):
+        ((_, _, cells, *_),) = program.sheets_of(tmp_path / "a.xlsx", most)
+        assert cells == [[1, "x"], lacking, lacking][:rows]
+    monkeypatch.setattr(program, "CELLS_OF_BYTE", 0)
+    for room, rows in ((6, 3), (5, 1)):
+        monkeypatch.setattr(program, "MOST_CELLS", room)
+        ((_, _, cells, *_),) = program.sheets_of(tmp_path / "a.xlsx", 0)
+        assert len(cells) == rows
+
+
+def test_merged_cells_are_marked_except_for_the_first(tmp_path):
+    book = workbook(tmp_path / "a.xlsx", a=[[7], [None], [8]])
+    book["a"].merge_cells("A1:A2")
+    book.save(tmp_path / "a.xlsx")
+    ((_, _, cells, *_),) = program.sheets_of(tmp_path / "a.xlsx", 0)
+    assert cells == [[7], [{"lacks": "A1:A2"}], [8]]
+
+
+def test_cells_are_counted_from_the_corner_of_the_sheet(tmp_path):
+    workbook(tmp_path / "a.xlsx", a=[[], [None, 7]])
+    ((_, _, cells, *_),) = program.sheets_of(tmp_path / "a.xlsx", 0)
+    assert cells == [["", ""], ["", 7]]
+
+
+def test_a_sheet_may_use_one_of_several_formats_in_per_cent(tmp_path):
+    book = workbook(tmp_path / "a.xlsx", a=[[0.2]], b=[[0.3]])
+    book["a"]["A1"].number_format, book["b"]["A1"].number_format = "0%", "0.00%"
+    book.save(tmp_path / "a.xlsx")
+    with ZipFile(tmp_path / "a.xlsx") as archive:
+        for title in "ab":
+            assert [*markup.facts_of(archive, title)] == [(0, 0, 0, 0, PERCENT)]
+
+
+NO_SECTOR = 0xFFFFFFFF
+
+
+def compound(stream, listed_apart):
+    """Return a file of sectors of 512 bytes with this stream ([MS-CFB]). A stream of fewer than
+    4096 bytes stands in sectors of 64 bytes of another stream. The sector of the table is listed in
+    the header, or apart from it in a sector of its own.
+    """
+    is_small = len(stream) < 4096
+    content = stream + bytes(-len(stream) % 512)
+    count = len(content) // 512
+
+    def chain(first, length):
+        return [*range(first + 1, first + length), NO_SECTOR - 1]
+
+    # the sectors: list of tables, table, directory, small table, and the contents
+    table = [NO_SECTOR - 3, NO_SECTOR - 2, *chain(2, 1), *chain(3, 1), *chain(4, count)]
+    small = chain(0, -(-len(stream) // 64)) if is_small else []
+
+    def sector(numbers):
+        return pack("<128I", *numbers, *[NO_SECTOR] * (128 - len(numbers)))
+
+    def entry(name, start, length):
+        text = (name + "\0").encode("utf-16-le")
+        return text.ljust(64, b"\0") + pack("<H50x2I4x", len(text), start, length)
+
+    entries = [entry("Root Entry", 4, len(content)), entry("A", 0, 0)]
+    entries.append(entry("Workbook", 0 if is_small else 4, len(stream)))
+    tables = [NO_SECTOR] * 109 if listed_apart else [1, *[NO_SECTOR] * 108]
+    apart = 0 if listed_apart else NO_SECTOR - 1
+    head = binary.BEGINS.ljust(30, b"\0") + pack("<2H14x", 9, 6)
+    head += pack("<6I", 2, 0, 4096, 3, 1, apart) + pack("<I", 1) + pack("<109I", *tables)
+    more = sector([1, *[NO_SECTOR] * 126, NO_SECTOR - 1])
+    directory = b"".join(entries).ljust(512, b"\0")
+    return b"".join([head, more, sector(table), directory, sector(small), content])
+
+
+@pytest.mark.parametrize("size", [1, 64, 4095, 4096, 9000, 60_000])
+def test_the_stream_of_an_old_workbook_is_a_chain_of_sectors(size):
+    stream = bytes(place * place % 251 for place in range(size))
+    # only a long file has so many tables that they are listed apart from the header
+    for listed_apart in (False, True) if size == 60_000 else (False,):
+        assert binary._stream(compound(stream, listed_apart)) == stream
+
+
 def test_hidden_rows_and_columns_end_with_the_cells():
     facts = [hidden_rows(1, 2), hidden_rows(2, 9), hidden_columns(1, 9), (0, 0, 0, 0, PERCENT)]
-    assert _hidden(facts, [["a", "b", "c"]] * 4) == ([1, 2, 3], [1, 2])
+    assert [*map(set, _hidden(facts, [["a", "b", "c"]] * 4))] == [{1, 2, 3}, {1, 2}]
     assert _hidden([hidden_rows(0, 0), hidden_columns(0, 0)], [["a", "b"]] * 2) == ([0], [0])
     assert _hidden(facts, []) == ([], [])
+    assert (hidden_rows(1, 2)[:4], hidden_columns(1, 2)[:4]) == ((1, 0, 2, MOST), (0, 1, MOST, 2))
 
 
 @pytest.mark.parametrize(
@@ -104,6 +188,13 @@ def test_records_of_a_substream_end_with_it():
     assert [kind for kind, _ in binary._records(stream, 0)] == [0x809, 0x809, 0x0A, 0x85, 0x0A]
     assert [kind for kind, _ in binary._records(stream, 4)] == [0x809, 0x0A]
     assert [*binary._records(record(0x809) + record(0x85, b"ab"), 0)][1] == (0x85, b"ab")
+    assert [*binary._records(record(0x809) + record(0x85), 0)][1:] == [(0x85, b"")]
+
+
+def test_titles_of_sheets_have_letters_of_one_or_two_bytes():
+    for is_wide, encoding in ((1, "utf-16-le"), (0, "latin-1")):
+        content = bytes(6) + bytes([2, is_wide]) + "äb".encode(encoding) + b"more"
+        assert binary._title(content) == "äb"
 
 
 def stream_of(settings, sheets):
@@ -127,28 +218,36 @@ def row(number, flags):
 
 def formula(row, column, *value):
     """Return a formula with no number but a text, an error or nothing, by the kind of its value."""
-    return cell(6, row, column, 0, value=bytes([*value, *[0] * (6 - len(value)), 255, 255]))
+    return cell(6, row, column, 0, value=bytes([*value, *[0] * (6 - len(value)), 255, 255, 0, 0]))
 
 
 def test_facts_of_the_records_of_an_old_sheet():
     """A style is the number of the record in which it names its format."""
     styles = b"".join(cell(0xE0, 0, number) for number in (0, 10, 200, 201))
-    formats = cell(0x41E, 200, value=b"\4\0\0000.0%") + cell(0x41E, 201, value=b"\3\0\0000.0")
+    formats = cell(0x41E, 200, value=b"\1\0\0%") + cell(0x41E, 201, value=b"\3\0\0000.0%")
     own = [
         *(row(4, 0x20), row(5, 0x10), cell(0x7D, 2, 3, 0, 0, 1), cell(0x7D, 5, 6, 0, 0, 2)),
         *(cell(0x203, 1, 2, 1, value=bytes(8)), cell(0x203, 1, 3, 3, value=bytes(8))),
-        cell(0xBD, 2, 3, *(0, 0, 0), *(2, 0, 0), 4),
+        cell(0xBD, 2, 0, *(0, 0, 0), *(2, 0, 0), 1),
+        cell(0xBD, 5, 0, *[0] * 15, *(2, 0, 0), 5),
         *(cell(0x205, 3, 1, 0, value=b"\7\1"), cell(0x205, 3, 2, 0, value=b"\1\0")),
         *(formula(6, 1, 3), formula(6, 2, 2, 0, 36)),
     ]
     sheets = {"a": row(7, 0x20), "b": b"".join(own), "c": b"".join([*own, formula(8, 1)])}
     stream = stream_of(record(0x809) + styles + formats, sheets)
     facts = [
-        *(hidden_rows(4, 4), hidden_columns(2, 3), (1, 2, 1, 2, PERCENT), (2, 4, 2, 4, PERCENT)),
+        *(
+            hidden_rows(4, 4),
+            hidden_columns(2, 3),
+            (1, 2, 1, 2, PERCENT),
+            (2, 1, 2, 1, PERCENT),
+            (5, 5, 5, 5, PERCENT),
+        ),
         *((3, 1, 3, 1, "#DIV/0!"), (6, 2, 6, 2, "#NUM!"), (6, 1, 6, 1, NEVER_COMPUTED)),
     ]
     assert [*binary._facts_of_records(stream, "a")] == [hidden_rows(7, 7)]
-    assert [*binary._facts_of_records(stream, "b")] == facts
+    assert binary.facts_of(compound(stream, listed_apart=False), "b") == facts
+    assert binary.facts_of(b"no workbook", "b") == []
     assert [*binary._facts_of_records(stream, "c")] == facts[:-1]
 
 
@@ -160,6 +259,18 @@ def test_lengths_of_records_have_seven_bits_in_a_byte():
     assert xlsb._text(b"??" + pack("<I", 2) + "äb".encode("utf-16-le") + b"!", 2) == ("äb", 10)
 
 
+def test_a_sheet_of_a_binary_workbook_is_found_by_its_title():
+    def text(word):
+        return pack("<I", len(word)) + word.encode("utf-16-le")
+
+    names = (("rId1", "a"), ("rId2", "b"))
+    sheets = [xlsb_record(156, 0, 1, value=text(key) + text(title)) for key, title in names]
+    book = xlsb_record(143) + b"".join(sheets)
+    assert [xlsb._key_of_sheet(book, title) for title in "ab"] == ["rId1", "rId2"]
+    with pytest.raises(ValueError, match="there is no sheet 'c'"):
+        xlsb._key_of_sheet(book, "c")
+
+
 def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
     monkeypatch.setattr(xlsb, "_key_of_sheet", lambda *_: "")
     monkeypatch.setattr(xlsb, "part_of_sheet", lambda *_: "sheet")
@@ -169,7 +280,12 @@ def test_facts_of_the_records_of_a_binary_sheet(monkeypatch):
     styles = styles[0] + xlsb_record(617) + styles[1] + styles[2] + xlsb_record(618) + styles[3]
     own = [
         *(xlsb_record(60, 1, 2, 0, 0, value=b"\1\0"), xlsb_record(60, 4, 5, 0, 0, value=b"\2\0")),
-        *(xlsb_record(0, 3, 0, 0), xlsb_record(0, 7, 0, value=bytes([0, 0, 0, 16]))),
+        *(
+            xlsb_record(0, 3, 1, 0),
+            xlsb_record(0, 4, 0, value=bytes(3)),
+            xlsb_record(0, 5, 0, value=bytes([0, 0, 0, 1])),
+            xlsb_record(0, 7, 0, value=bytes([0, 0, 0, 16])),
+        ),
         *(
             xlsb_record(5, 2, 1, 0, 0),
             xlsb_record(5, 3, 2, 0, 0),
@@ -219,24 +335,26 @@ def test_facts_of_a_sheet_of_xml():
 
 TABLES = """<d xmlns:t="urn:t" xmlns:o="urn:o">
 <t:table t:name="x"><t:table-row t:visibility="filter"/>
-</t:table><t:table t:name="a"><t:table-column t:number-columns-repeated="2"/>
+</t:table><t:table t:name="a"><t:table-column/><t:table-column t:number-columns-repeated="2"/>
 <t:table-column t:visibility="collapse" t:number-columns-repeated="3"/>
 <t:table-row t:number-rows-repeated="2"><t:table-cell t:number-columns-repeated="2"/>
 <t:table-cell o:value-type="percentage" t:number-columns-repeated="2"><p>20 %</p></t:table-cell>
 <t:table-cell o:value-type="float"><p>#REF!</p></t:table-cell>
 <t:table-cell t:formula="1"/></t:table-row>
 <t:table-row t:visibility="filter" t:number-rows-repeated="4"/>
-<t:table-row><t:table-cell t:number-rows-spanned="3" t:number-columns-spanned="1"/>
+<t:table-row><t:table-cell t:number-rows-spanned="3" t:number-columns-spanned="2"/>
+<t:table-cell t:number-rows-spanned="2"/><t:table-cell t:number-columns-spanned="2"/>
 <t:table-cell o:value-type="error"/></t:table-row></t:table></d>"""
 
 
 def test_facts_of_a_sheet_of_an_open_document():
-    assert [*markup._facts_of_ods(TABLES.encode(), "a")] == [
-        *(hidden_columns(2, 4), (0, 2, 1, 3, PERCENT), (0, 4, 1, 4, "#REF!")),
+    archive = SimpleNamespace(namelist=lambda: ["content.xml"], read=lambda _: TABLES.encode())
+    assert [*markup.facts_of(archive, "a")] == [
+        *(hidden_columns(3, 5), (0, 2, 1, 3, PERCENT), (0, 4, 1, 4, "#REF!")),
         *(
             (0, 5, 1, 5, NEVER_COMPUTED),
             hidden_rows(2, 5),
-            (6, 0, 8, 0, ""),
-            (6, 1, 6, 1, "#VALUE!"),
+            *((6, 0, 8, 1, ""), (6, 1, 7, 1, ""), (6, 2, 6, 3, "")),
+            (6, 3, 6, 3, "#VALUE!"),
         ),
     ]

@@ -9,7 +9,7 @@ from reading import other_workbook, refusal, table_of, workbook
 
 from mapmore_cli.annexes.drafting.preview import preview
 from mapmore_cli.domain.errors import DataError
-from mapmore_cli.storage.readers import xlsx
+from mapmore_cli.storage.readers import TableRequest, xlsx
 from mapmore_cli.study.sections.logs import Logs
 
 TABLE = [["t", "F", "note"], [0, 1.5, "a"], [0.5, -2, None], [], [1.0, None, "b"]]
@@ -194,6 +194,27 @@ def test_a_large_workbook_may_take_more_memory_and_time(tmp_path, monkeypatch):
         (tmp_path / "a.xls").write_bytes(bytes(size))
         xlsx._sheets_in(tmp_path / "a.xls", "a.xls")
     assert given == [[10**9 + 200, 10], [10**9 + 200 * 3_000_000, 13]]
+
+
+def test_of_empty_sheets_only_the_first_is_shown(tmp_path, monkeypatch):
+    filled = {"a": [], "b": [["t"], [1]], "c": [], "d": [["F"], [2]]}
+    sheets = [xlsx.SheetCells(title, True, rows, [], []) for title, rows in filled.items()]
+    monkeypatch.setattr(xlsx, "_sheets_in", lambda *_: sheets)
+    tops = [(top.sheet, top.settings) for top in xlsx.peek_xlsx(tmp_path / "a.xlsx", 9)]
+    assert tops == [("a", {}), ("b", {"sheet": "b"}), ("d", {"sheet": "d"})]
+
+
+def test_tables_in_a_sheet_begin_at_its_first_row(tmp_path, monkeypatch):
+    sheet = xlsx.SheetCells("a", True, [["t", "F"], [1, 2], [3, 4]], [], [])
+    monkeypatch.setattr(xlsx, "_sheets_in", lambda *_: [sheet])
+    (table,) = xlsx.below_xlsx(tmp_path / "a.xlsx", TableRequest("a", ()))
+    assert (table.begin, table.header) == (1, [(1, ["t", "F"])])
+
+
+def test_a_single_text_says_nothing_about_the_decimal_mark_of_a_sheet():
+    """Because a title can look like a number."""
+    for texts, mark in ((["1,5"], None), (["1,5", "2,25"], ","), (["1,5", "2.5", "3.5"], ".")):
+        assert xlsx._decimal_in_texts([["t", 0.5], texts]) == mark
 
 
 def test_a_column_with_a_cell_in_per_cent_is_a_ratio():
