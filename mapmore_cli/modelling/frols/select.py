@@ -262,7 +262,7 @@ def _selection_of_steps(
     chosen, R, projections = factor_of(steps, len(scale))
     lengths, sse = np.diag(R), steps[-1].sse if k else yy
     variance = sse / (samples - k) if samples > k else np.nan
-    found = Selection(
+    selection = Selection(
         chosen=chosen,
         g=projections / lengths,
         err=projections**2 / yy,
@@ -279,34 +279,40 @@ def _selection_of_steps(
         samples=samples,
         stop=stop,
     )
-    return found if (scale == 1.0).all() else in_units(found, scale)
+    return selection if (scale == 1.0).all() else in_units(selection, scale)
 
 
-def in_units(found: Selection, scale: Array) -> Selection:
+def in_units(selection: Selection, scale: Array) -> Selection:
     """Convert a selection from scaled columns into a selection from the columns of `Z = [P y]`.
     `scale`, shape (M+1,), holds the numbers by which these columns were divided.
     """
     y, columns = float(scale[-1]), scale[:-1]
-    chosen = columns[found.chosen]
+    chosen = columns[selection.chosen]
     return replace(
-        found,
-        g=found.g * y / chosen,
-        theta=found.theta * y / chosen,
-        theta_error=found.theta_error * y / chosen,
-        a=found.a * chosen / chosen[:, None],
-        g_all=found.g_all * y / columns,
-        sse=found.sse * y * y,  # on overflow, `y * y` is infinite, but `y**2` would raise an error
-        yy=found.yy * y * y,
+        selection,
+        g=selection.g * y / chosen,
+        theta=selection.theta * y / chosen,
+        theta_error=selection.theta_error * y / chosen,
+        a=selection.a * chosen / chosen[:, None],
+        g_all=selection.g_all * y / columns,
+        sse=selection.sse
+        * y
+        * y,  # on overflow, `y * y` is infinite, but `y**2` would raise an error
+        yy=selection.yy * y * y,
     )
 
 
-def widened(found: Selection, among: IntArray, M: int) -> Selection:
+def widened(selection: Selection, among: IntArray, M: int) -> Selection:
     """Convert a selection from the candidates `among`, shape (m,), into a selection from all M
     candidates. In the tables, the values of candidates that are not in `among` are NaN.
     """
-    tables = np.full((2, len(found.chosen), M), np.nan)
-    tables[:, :, among] = found.g_all, found.err_all
-    runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
+    tables = np.full((2, len(selection.chosen), M), np.nan)
+    tables[:, :, among] = selection.g_all, selection.err_all
+    runner_up = np.where(selection.runner_up >= 0, among[selection.runner_up], -1)
     return replace(
-        found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up
+        selection,
+        chosen=among[selection.chosen],
+        g_all=tables[0],
+        err_all=tables[1],
+        runner_up=runner_up,
     )
