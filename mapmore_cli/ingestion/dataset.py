@@ -93,9 +93,13 @@ def build_dataset(
         if static is not None:
             logs = [[with_damping(piece, target, static, warn) for piece in log] for log in logs]
         units[PLATEAU] = "1"
-    levels = level_set(data.levels, [one for log in logs for one in log]) if data.levels else None
+    levels = (
+        level_set(data.levels, [recording for log in logs for recording in log])
+        if data.levels
+        else None
+    )
     recordings, parts = cut_by_level(logs, levels)
-    for warning in (*warnings, *(told for recording in recordings for told in _losses(recording))):
+    for warning in (*warnings, *(loss for recording in recordings for loss in _losses(recording))):
         warn(warning)
     if static_run is not None:
         target = DAMPING
@@ -174,7 +178,7 @@ def _check(data: Data) -> None:
     - The last samples or cycles are held out although `cycles` changes the order of the samples.
     """
     entries = [entry for entry in data.files if isinstance(entry, FileEntry)]
-    for name in sorted({name for one in entries for name in one.columns} - data.columns.keys()):
+    for name in sorted({name for entry in entries for name in entry.columns} - data.columns.keys()):
         raise SpecError(
             f"files: '{name}' has a column in some files only",
             "Name its column in `data.columns`. The `columns` of single files only replace entries "
@@ -187,18 +191,18 @@ def _check(data: Data) -> None:
                 f"files: '{name}' is set for a file, and is also measured or derived",
                 "Keep one of the two.",
             )
-        if not all(name in given for given in constants):
+        if not all(name in names for names in constants):
             raise SpecError(
                 f"files: '{name}' is set for some entries only",
                 "Set it for every entry of `files`.",
             )
     for key in ("last", "last_cycles"):
         if data.cycles and data.split.hold_out and getattr(data.split.hold_out, key) is not None:
-            what = (
+            message = (
                 f"split.validate: `{key}` needs samples in the order of time, but `cycles` "
                 "reorders them"
             )
-            raise SpecError(what, "Hold out levels or files.")
+            raise SpecError(message, "Hold out levels or files.")
 
 
 def _mended(

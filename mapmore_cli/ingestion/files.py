@@ -131,17 +131,17 @@ def find_sources(
     Raises DataError if a glob matches nothing, if two entries name the same file, or if the logs to
     join cannot be paired with the files; SpecError if two recordings have the same id.
     """
-    found = _found(entries, folder, tables, may_be_empty=bool(bad), warn=warn)
+    files = _found(entries, folder, tables, may_be_empty=bool(bad), warn=warn)
     ids = [
         entry.id or automatic
-        for (_, entry), automatic in zip(found, _automatic([log for log, _ in found]), strict=True)
+        for (_, entry), automatic in zip(files, _automatic([log for log, _ in files]), strict=True)
     ]
     for name, times in Counter(ids).items():
         if times > 1:
             raise SpecError(
                 f"files: {times} recordings have the id '{name}'", "Give each an `id` of its own."
             )
-    logs = [_logs_to_join(join, len(found), folder, warn) for join in joins]
+    logs = [_logs_to_join(join, len(files), folder, warn) for join in joins]
     return tuple(
         Source(
             log.path,
@@ -150,12 +150,12 @@ def find_sources(
             ids[i],
             entry.set,
             entry.keep,
-            tuple(joined[i] for joined in logs),
+            tuple(logs_of_join[i] for logs_of_join in logs),
             table=log.table,
             table_below=log.table_below,
             columns=log.columns,
         )
-        for i, (log, entry) in enumerate(found)
+        for i, (log, entry) in enumerate(files)
         if bad is True or not any(is_file_named(log.name, path, folder) for path in bad or ())
     )
 
@@ -170,7 +170,7 @@ def _found(
     """Return every file together with the entry of `data.files` that names it. If several entries
     name sheets or tables of the same file, the file is returned once for each of them.
     """
-    found: dict[tuple[str, str | None, WhichTable | None], tuple[Log, FileEntry]] = {}
+    files: dict[tuple[str, str | None, WhichTable | None], tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
         table = tables.get(entry.path)
         paths = [folder / entry.path]
@@ -184,8 +184,8 @@ def _found(
         for path in paths:
             name = relative_name(path, folder)
             part = (name, entry.sheet, entry.table)
-            if part in found:
-                before = found[part][1].path
+            if part in files:
+                before = files[part][1].path
                 which = ":".join(map(str, filter(None, part)))
                 raise DataError(
                     f"{which}: is named twice, by '{before}' and by '{entry.path}'",
@@ -199,8 +199,8 @@ def _found(
                 table_below=entry.table,
                 columns=entry.columns,
             )
-            found[part] = (log, entry)
-    return list(found.values())
+            files[part] = (log, entry)
+    return list(files.values())
 
 
 def _automatic(logs: Sequence[Log]) -> list[str]:
@@ -225,9 +225,11 @@ def _logs_to_join(join: Join, count: int, folder: Path, warn: Warn) -> list[Log]
     logs = [log for log, _ in _found(join.files, folder, warn=warn)]
     if len(logs) not in (1, count):
         names = ", ".join(log.name for log in logs[:4])
-        what = f"join: {len(logs)} files cannot be paired with {count} of `data.files`: {names} ..."
+        message = (
+            f"join: {len(logs)} files cannot be paired with {count} of `data.files`: {names} ..."
+        )
         raise DataError(
-            what, "Name one file for each, in the same order, or a single file for all."
+            message, "Name one file for each, in the same order, or a single file for all."
         )
     return logs if len(logs) == count else logs * count
 
