@@ -178,7 +178,7 @@ def _check(data: Data) -> None:
     - The last samples or cycles are held out although `cycles` changes the order of the samples.
     """
     entries = [entry for entry in data.files if isinstance(entry, FileEntry)]
-    for name in sorted({name for entry in entries for name in entry.columns} - data.columns.keys()):
+    for name in sorted({name for one in entries for name in one.columns} - data.columns.keys()):
         raise SpecError(
             f"files: '{name}' has a column in some files only",
             "Name its column in `data.columns`. The `columns` of single files only replace entries "
@@ -191,18 +191,18 @@ def _check(data: Data) -> None:
                 f"files: '{name}' is set for a file, and is also measured or derived",
                 "Keep one of the two.",
             )
-        if not all(name in names for names in constants):
+        if not all(name in given for given in constants):
             raise SpecError(
                 f"files: '{name}' is set for some entries only",
                 "Set it for every entry of `files`.",
             )
     for key in ("last", "last_cycles"):
         if data.cycles and data.split.hold_out and getattr(data.split.hold_out, key) is not None:
-            message = (
+            what = (
                 f"split.validate: `{key}` needs samples in the order of time, but `cycles` "
                 "reorders them"
             )
-            raise SpecError(message, "Hold out levels or files.")
+            raise SpecError(what, "Hold out levels or files.")
 
 
 def _mended(

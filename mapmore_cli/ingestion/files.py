@@ -131,17 +131,17 @@ def find_sources(
     Raises DataError if a glob matches nothing, if two entries name the same file, or if the logs to
     join cannot be paired with the files; SpecError if two recordings have the same id.
     """
-    files = _found(entries, folder, tables, may_be_empty=bool(bad), warn=warn)
+    found = _found(entries, folder, tables, may_be_empty=bool(bad), warn=warn)
     ids = [
         entry.id or automatic
-        for (_, entry), automatic in zip(files, _automatic([log for log, _ in files]), strict=True)
+        for (_, entry), automatic in zip(found, _automatic([log for log, _ in found]), strict=True)
     ]
     for name, times in Counter(ids).items():
         if times > 1:
             raise SpecError(
                 f"files: {times} recordings have the id '{name}'", "Give each an `id` of its own."
             )
-    logs = [_logs_to_join(join, len(files), folder, warn) for join in joins]
+    logs = [_logs_to_join(join, len(found), folder, warn) for join in joins]
     return tuple(
         Source(
             log.path,
@@ -150,12 +150,12 @@ def find_sources(
             ids[i],
             entry.set,
             entry.keep,
-            tuple(logs_of_join[i] for logs_of_join in logs),
+            tuple(joined[i] for joined in logs),
             table=log.table,
             table_below=log.table_below,
             columns=log.columns,
         )
-        for i, (log, entry) in enumerate(files)
+        for i, (log, entry) in enumerate(found)
         if bad is True or not any(is_file_named(log.name, path, folder) for path in bad or ())
     )
 

@@ -182,11 +182,11 @@ def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
 
     turned = np.empty_like(columns)
     for rows in (rows for rows in _rows(lengths) if rows.stop > rows.start):
-        record = columns[rows]
-        band = np.repeat([[1.0], [-kept]], len(record), axis=1)
-        onward, _ = dtbtrs(band, record, uplo="L")
-        back, _ = dtbtrs(band, record, uplo="L", trans="T")
-        turned[rows] = onward + back - record
+        own = columns[rows]
+        band = np.repeat([[1.0], [-kept]], len(own), axis=1)
+        onward, _ = dtbtrs(band, own, uplo="L")
+        back, _ = dtbtrs(band, own, uplo="L", trans="T")
+        turned[rows] = onward + back - own
     return turned
 
 

@@ -262,7 +262,7 @@ def _selection_of_steps(
     chosen, R, projections = factor_of(steps, len(scale))
     lengths, sse = np.diag(R), steps[-1].sse if k else yy
     variance = sse / (samples - k) if samples > k else np.nan
-    selection = Selection(
+    found = Selection(
         chosen=chosen,
         g=projections / lengths,
         err=projections**2 / yy,
@@ -279,26 +279,24 @@ def _selection_of_steps(
         samples=samples,
         stop=stop,
     )
-    return selection if (scale == 1.0).all() else in_units(selection, scale)
+    return found if (scale == 1.0).all() else in_units(found, scale)
 
 
-def in_units(selection: Selection, scale: Array) -> Selection:
+def in_units(found: Selection, scale: Array) -> Selection:
     """Convert a selection from scaled columns into a selection from the columns of `Z = [P y]`.
     `scale`, shape (M+1,), holds the numbers by which these columns were divided.
     """
     y, columns = float(scale[-1]), scale[:-1]
-    chosen = columns[selection.chosen]
+    chosen = columns[found.chosen]
     return replace(
-        selection,
-        g=selection.g * y / chosen,
-        theta=selection.theta * y / chosen,
-        theta_error=selection.theta_error * y / chosen,
-        a=selection.a * chosen / chosen[:, None],
-        g_all=selection.g_all * y / columns,
-        sse=selection.sse
-        * y
-        * y,  # on overflow, `y * y` is infinite, but `y**2` would raise an error
-        yy=selection.yy * y * y,
+        found,
+        g=found.g * y / chosen,
+        theta=found.theta * y / chosen,
+        theta_error=found.theta_error * y / chosen,
+        a=found.a * chosen / chosen[:, None],
+        g_all=found.g_all * y / columns,
+        sse=found.sse * y * y,  # on overflow, `y * y` is infinite, but `y**2` would raise an error
+        yy=found.yy * y * y,
     )
 
 

@@ -61,9 +61,9 @@ def chosen_together(
         over the outputs, shape (k,).
         """
         left = np.zeros(len(steps))
-        for j, (rows_of_output, part) in enumerate(zip(blocks, joint.parts, strict=True)):
+        for j, (own, part) in enumerate(zip(blocks, joint.parts, strict=True)):
             rows = [step._replace(row=step.row[j]) for step in steps]
-            left += press(rows_of_output, *factor_of(rows, width)) / (part.yy or 1.0)
+            left += press(own, *factor_of(rows, width)) / (part.yy or 1.0)
         return left
 
     unexplained = np.transpose(joint.unexplained)

@@ -125,8 +125,8 @@ class Unknown:
         at: Array = self.bounds.mean(axis=0)
         if before is not None:
             known = dict(zip(before.names, before.numbers, strict=True))
-            is_known = np.array([name in known for name in self.names])
-            at[is_known] = self.searched([known.get(name, 1.0) for name in self.names])[is_known]
+            own = np.array([name in known for name in self.names])
+            at[own] = self.searched([known.get(name, 1.0) for name in self.names])[own]
         return at
 
     def identified(self, searched: Array, errors: Array) -> Identified:

@@ -23,11 +23,11 @@ Matplotlib (viridis).
 
 def colour_at(name: str, share: float) -> str:
     """Return the colour at the fraction `share` (0 to 1) of a colour map, as `#rrggbb`."""
-    colours = np.array([list(bytes.fromhex(code)) for code in MAPS[name].split()], dtype=float)
+    colours = np.array([list(bytes.fromhex(one)) for one in MAPS[name].split()], dtype=float)
     place = np.clip(share, 0.0, 1.0) * (len(colours) - 1)
     below = min(int(place), len(colours) - 2)
     mixed = colours[below] + (place - below) * (colours[below + 1] - colours[below])
-    return "#" + bytes(round(part) for part in mixed).hex()
+    return "#" + bytes(round(one) for one in mixed).hex()
 
 
 def hex_of(colour: Any) -> str:

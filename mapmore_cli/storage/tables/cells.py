@@ -221,9 +221,9 @@ class CellReader:
         stamp = self._stamp(cell, text, value) if self.clock else None
         if stamp is None:
             known = (
-                row[1:]
-                for row in _KINDS
-                if re.fullmatch(row[0], text[: LONGEST_STAMP + 1], re.I | re.S)
+                one[1:]
+                for one in _KINDS
+                if re.fullmatch(one[0], text[: LONGEST_STAMP + 1], re.I | re.S)
             )
             kind, remedy = next(known, ("", self.usual))
             stamps = f"give the form of the stamps, for example {FORMAT}" if self.clock else DATES

@@ -97,12 +97,12 @@ def open_lines(
 
 
 def lines_of(
-    path: Path, progress: Callable[[int, int], None] = lambda _read, _size: None
+    path: Path, told: Callable[[int, int], None] = lambda _read, _size: None
 ) -> Iterator[str]:
     """Yield the lines of a text file, each with its line break. Raises DataError if the file is
     missing, unreadable or incomplete.
 
-    The function `progress` is called from time to time with the number of bytes read so far and the
+    The function `told` is called from time to time with the number of bytes read so far and the
     size of the file.
     """
     label = str(path)
@@ -114,7 +114,7 @@ def lines_of(
         size = os.fstat(raw.fileno()).st_size if raw.seekable() else 0
         for number, line in enumerate(lines):
             if number % 4096 == 0 and size:
-                progress(raw.tell(), size)
+                told(raw.tell(), size)
             yield line
 
 

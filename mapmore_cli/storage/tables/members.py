@@ -309,23 +309,22 @@ def refuse_other_clocks(noted: Mapping[SourceColumn, Noted], label: str) -> None
     """Raise DataError if columns of a recording have different time steps or start times according
     to the file. Such columns were not sampled together.
     """
-    timed = [(column, facts) for column, facts in noted.items() if facts.step]
-    for column, facts in timed[1:]:
+    timed = [(column, told) for column, told in noted.items() if told.step]
+    for column, told in timed[1:]:
         name, first = timed[0]
         # rounded to 1e-6 s, the precision of a double that counts seconds since 1970
-        later = round(facts.start - first.start, 6)
-        if not math.isclose(first.step, facts.step, rel_tol=1e-6):
-            difference = (
-                f"'{name}' was sampled every {first.step:.6g} s, '{column}' every "
-                f"{facts.step:.6g} s"
+        later = round(told.start - first.start, 6)
+        if not math.isclose(first.step, told.step, rel_tol=1e-6):
+            what = (
+                f"'{name}' was sampled every {first.step:.6g} s, '{column}' every {told.step:.6g} s"
             )
-        elif abs(later) > 0.01 * abs(facts.step):
-            difference = f"'{column}' begins {later:.6g} s after '{name}'"
+        elif abs(later) > 0.01 * abs(told.step):
+            what = f"'{column}' begins {later:.6g} s after '{name}'"
         else:
             continue
         raise DataError(
-            f"{label}: {difference}",
-            f"read '{column}' of the same file by `join`, with `sample_time: {facts.step:.9g} s` "
+            f"{label}: {what}",
+            f"read '{column}' of the same file by `join`, with `sample_time: {told.step:.9g} s` "
             f"and `shift: {later:.9g} s`; or with `on: row`, if the rows of both belong together",
         )
 
@@ -370,9 +369,9 @@ def _column(
     return as_numbers(values.reshape(-1), f"{label}: '{address}'", read), member.noted
 
 
-def as_numbers(values: object, label: str, read: CellReader | None = None) -> Array:
+def as_numbers(values: object, what: str, read: CellReader | None = None) -> Array:
     """Convert an array to numbers in an array of the same shape. `read` is the reader for cells of
-    this column; `label` is the name of the array in messages.
+    this column; `what` is the name of the array in messages.
 
     Texts are read cell by cell. If the column may hold times (`read.clock`), time stamps become
     seconds since 1970, and durations become seconds, both in the unit of the column. Raises
@@ -391,15 +390,15 @@ def as_numbers(values: object, label: str, read: CellReader | None = None) -> Ar
                 try:
                     known[cell] = read(cell)
                 except NotANumber as odd:
-                    where = f"{label} holds text, not real numbers: index {index}"
+                    where = f"{what} holds text, not real numbers: index {index}"
                     raise odd.at(where) from None
             numbers[index] = known[cell]
         if read.thousands is None and may_be_grouped(numbers):
-            refuse_grouped(enumerate(array.flat), read.decimal, f"{label}, index {{row}}")
+            refuse_grouped(enumerate(array.flat), read.decimal, f"{what}, index {{row}}")
         return numbers.reshape(array.shape)
     if kind in "Mm" and not read.clock:
         stands = "date" if kind == "M" else "duration"
-        raise DataError(f"{label}: a {stands}, not a number", DATES)
+        raise DataError(f"{what}: a {stands}, not a number", DATES)
     if kind in "Mm":
         durations = array - np.datetime64(0, "s") if kind == "M" else array
         seconds = durations / np.timedelta64(1, "s") * read.second
@@ -409,7 +408,7 @@ def as_numbers(values: object, label: str, read: CellReader | None = None) -> Ar
             kind, f"values of type {array.dtype}"
         )
         raise DataError(
-            f"{label} holds {words}, not real numbers",
+            f"{what} holds {words}, not real numbers",
             "convert them to numbers; `format` is for text only",
         )
     return np.asarray(array, dtype=np.float64)
