@@ -78,15 +78,13 @@ def offered_structures(family: Mapping[str, Any], of: Situation) -> Iterator[Tri
     if family.get("timed") and not of.timed:
         return
     pooled = {} if of.level is None else {of.level: "none"}
-    for offer in family["candidates"]:
-        if not _applies(offer.get("when", {}), of):
+    for one in family["candidates"]:
+        if not _applies(one.get("when", {}), of):
             continue
-        for values in combinations(offer.get("for", {}), vocabulary(of)):
+        for values in combinations(one.get("for", {}), vocabulary(of)):
             words = vocabulary(of, **values)
             parts = {
-                key: filled(part, words)
-                for key, part in offer.items()
-                if key not in ("when", "for")
+                key: filled(part, words) for key, part in one.items() if key not in ("when", "for")
             }
             kind, name = parts.pop("kind", family["kind"]), parts.pop("words")
             if "dictionary" in parts:
@@ -194,12 +192,12 @@ def filled(part: Any, words: Mapping[str, Any]) -> Any:
         case {"every": text, **loops}:
             return [filled(text, {**words, **own}) for own in combinations(loops, words)]
         case Mapping():
-            entries = {filled(key, words): filled(member, words) for key, member in part.items()}
+            entries = {filled(key, words): filled(one, words) for key, one in part.items()}
             if entries.get("of") == []:
                 return {}
-            return {key: member for key, member in entries.items() if member not in ([], {})}
+            return {key: one for key, one in entries.items() if one not in ([], {})}
         case list():
-            items = (filled(member, words) for member in part)
+            items = (filled(one, words) for one in part)
             lists = (item if isinstance(item, list) else [item] for item in items if item != {})
             return [*chain.from_iterable(lists)]
     return part

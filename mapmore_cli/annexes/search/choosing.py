@@ -47,16 +47,13 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
     upper limit of `WITHIN`. A formula is never refused in this way, because few parameters are
     enough for it to describe the end of the range.
     """
-    tried = [structure for structure, _ in outcomes]
-    usable = [number for number, structure in enumerate(tried) if not structure.failure]
+    tried = [one for one, _ in outcomes]
+    usable = [number for number, one in enumerate(tried) if not one.failure]
     sizes = np.array([tried[number].parameters for number in usable])
     kinds = [tried[number].family for number in usable]
     eligible = ~np.isin(kinds, SHOWN) & (sizes <= most)
     if not eligible.any():
-        reasons = next(
-            (structure.failure for structure in tried if structure.failure),
-            "there was no time for any",
-        )
+        reasons = next((one.failure for one in tried if one.failure), "there was no time for any")
         raise FitError(
             f"no structure could be fitted with a part of the data left out: {reasons}",
             "define the model in the spec, or raise `model.budget`",
@@ -64,15 +61,15 @@ def choose_structure(outcomes: Sequence[Outcome], bench: Bench, most: float) -> 
     target, over_time, decide = bench.dataset.target, bench.situation.timed, bench.weights > 0
     scale = float(np.ptp(pooled_training(bench.dataset.curves)[target])) or 1.0
     errors = on_common_rows([outcomes[number][1] for number in usable]) / scale
-    is_plain = eligible & np.isin(kinds, PLAIN)
-    refused = np.zeros_like(is_plain)
-    if is_plain.any() and bench.blocks and decide.sum() == 1:
-        inside = simplest_of(sizes, errors[:, : bench.blocks], eligible=is_plain).excess
+    plain = eligible & np.isin(kinds, PLAIN)
+    refused = np.zeros_like(plain)
+    if plain.any() and bench.blocks and decide.sum() == 1:
+        inside = simplest_of(sizes, errors[:, : bench.blocks], eligible=plain).excess
         refused = eligible & (inside > WITHIN[1]) & ~np.isin(kinds, FORMULA)
     eligible &= ~refused
     rank = simplest_of(sizes, errors[:, decide], bench.weights[decide], eligible, over_time)
     front = undominated(sizes, np.where(eligible, rank.excess, np.inf))
-    as_good = is_plain & front & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
+    as_good = plain & front & (rank.excess <= WITHIN[0]) & (sizes <= sizes[rank.chosen])
     chosen = min(
         np.flatnonzero(as_good), key=lambda i: (sizes[i], rank.excess[i]), default=rank.chosen
     )

@@ -83,12 +83,8 @@ def pooled_samples(dataset: Dataset) -> Curve:
     logs = list[IntArray]()
     for curve in curves:
         keys = [(curve.level, log_of.get(name, name)) for name in curve.recordings]
-        numbers_of_logs = np.array([numbers.setdefault(key, len(numbers)) for key in keys])
-        logs.append(
-            np.broadcast_to(
-                numbers_of_logs[0 if curve.origin is None else curve.origin], curve.size
-            )
-        )
+        own = np.array([numbers.setdefault(key, len(numbers)) for key in keys])
+        logs.append(np.broadcast_to(own[0 if curve.origin is None else curve.origin], curve.size))
     return Curve(
         "",
         None,

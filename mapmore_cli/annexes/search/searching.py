@@ -155,15 +155,13 @@ class Trials:
         """Try the structures that families offer, and the black boxes."""
         before = self.worked
         offered = chain(*(offered_structures(known, self.bench.situation) for known in families))
-        jobs: list[Work] = [partial(self.outcomes_of, structure) for structure in offered]
+        jobs: list[Work] = [partial(self.outcomes_of, one) for one in offered]
         done = shared_out(call, [*jobs, *boxes], self.progress)
         outcomes = [*chain(*done)]
         self.listed += len(jobs)
         self.cut += done[: len(jobs)].count([])
         # the clock of this process does not include the work of its child processes
-        self.worked = (
-            before + sum(structure.seconds for structure, _ in outcomes) / free_processors()
-        )
+        self.worked = before + sum(one.seconds for one, _ in outcomes) / free_processors()
         return outcomes
 
     def outcomes_of(self, candidate: Tried) -> list[Outcome]:
@@ -187,9 +185,9 @@ def _plain_note(result: Search) -> str:
     """Return a note that more parameters would add nothing; empty if no plain structure was chosen,
     or if it has the smallest error.
     """
-    found, best = result.found, result.tried[result.best]
+    own, best = result.found, result.tried[result.best]
     note = (
-        f"{found.words} is as good as structures with more parameters, because left-out data show no "
+        f"{own.words} is as good as structures with more parameters, because left-out data show no "
         f"advantage of {best.words}"
     )
-    return note if found.family in PLAIN and chosen is not best else ""
+    return note if own.family in PLAIN and own is not best else ""
