@@ -96,14 +96,16 @@ def find_held(
         if len(levels) != 1:
             return None
         (values,) = levels.values()
-        if is_table and sum(one.rows_kept for one in recordings) < FEWEST * len(values):
+        if is_table and sum(recording.rows_kept for recording in recordings) < FEWEST * len(values):
             # with few samples at each value, the quantity moved in steps and was not held constant
             return None
     of = asked or next(iter(levels))
     swept = next((name for name in inputs if name not in (of, *levels)), None)
     at, within = levels.get(of, []), None
     if not at:
-        at = find_levels(np.concatenate([one.columns[of] for one in recordings])).tolist()
+        at = find_levels(
+            np.concatenate([recording.columns[of] for recording in recordings])
+        ).tolist()
         within = two_digits(NEAR * 2 * default_within(np.array(at))) if len(at) > 1 else None
     if swept is None or len(at) < 2:
         return None
@@ -118,7 +120,7 @@ def own_levels(recordings: Sequence[Recording], name: str) -> list[float] | None
     there are fewer than two levels, or if a gap between neighbouring levels is at most half as wide
     as the largest range of values at one level.
     """
-    series = [one.columns[name] for one in recordings if one.rows_kept]
+    series = [recording.columns[name] for recording in recordings if recording.rows_kept]
     ends = np.array(sorted(np.quantile(values, (0.05, 0.95)).tolist() for values in series))
     reach = np.maximum.accumulate(ends[:, 1])
     first = np.flatnonzero(ends[1:, 0] > reach[:-1]) + 1
@@ -133,7 +135,7 @@ def own_levels(recordings: Sequence[Recording], name: str) -> list[float] | None
 def _neat(middle: float, scatter: float) -> float:
     """Return the mean value `middle`, rounded to as few digits as the scatter around it allows."""
     shorter = (round(middle, digits) + 0.0 for digits in range(-6, 13))
-    return next((one for one in shorter if abs(one - middle) <= scatter), middle)
+    return next((number for number in shorter if abs(number - middle) <= scatter), middle)
 
 
 def set_values(recordings: Sequence[Recording], name: str) -> list[float]:
@@ -142,7 +144,7 @@ def set_values(recordings: Sequence[Recording], name: str) -> list[float]:
     values may be a switch.
     """
     values, counts = np.unique(
-        np.concatenate([one.columns[name] for one in recordings]), return_counts=True
+        np.concatenate([recording.columns[name] for recording in recordings]), return_counts=True
     )
     return values.tolist() if len(values) > 2 and counts.mean() >= 3 else []
 

@@ -37,9 +37,9 @@ def with_split(
     # in the order of the levels, inner recordings lie between the others
     of = done.held.of if done.held else None
     in_order = sorted(
-        done.recordings, key=lambda one: float(np.median(one.columns[of])) if of else 0
+        done.recordings, key=lambda recording: float(np.median(recording.columns[of])) if of else 0
     )
-    logs = [*dict.fromkeys(one.log or one.id for one in in_order)]
+    logs = [*dict.fromkeys(recording.log or recording.id for recording in in_order)]
     is_whole = len(logs) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
     way = wanted or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
     held_out: Section = {}
@@ -99,11 +99,13 @@ def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
     """
     if len(done.apart) == 1:
         name = done.apart[0]
-        values = sorted({float(one.columns[name][0]) for one in done.recordings})
+        values = sorted({float(recording.columns[name][0]) for recording in done.recordings})
         held_out: Section = {name: values[1:-1:3] or values[1:]}
     else:
         held = logs[1:-1:3] or logs[1:]
-        ids = [one.id for one in done.recordings if (one.log or one.id) in held]
+        ids = [
+            recording.id for recording in done.recordings if (recording.log or recording.id) in held
+        ]
         held_out = {WHOLE: ids}
     return held_out if all(held_out.values()) else {}
 
@@ -115,8 +117,8 @@ def _beyond(done: Experiment) -> list[str]:
     names: list[str] = []
     for name in done.inputs:
         series: dict[str, list[Array]] = {}
-        for one in done.recordings:
-            series.setdefault(one.log or one.id, []).append(one.columns[name])
+        for recording in done.recordings:
+            series.setdefault(recording.log or recording.id, []).append(recording.columns[name])
         whole = [*map(np.concatenate, series.values())]
         parts_of = [np.split(x, [round((1 - LAST) * len(x))]) for x in whole]
         before, last = (np.concatenate(parts) for parts in zip(*parts_of, strict=True))
@@ -132,6 +134,6 @@ def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Sec
     """
     if name in values:
         return {}
-    pooled = np.concatenate([one.columns[name] for one in recordings])
-    low, high = (float(f"{one:.3g}") for one in np.quantile(pooled, (0.4, 0.6)))
+    pooled = np.concatenate([recording.columns[name] for recording in recordings])
+    low, high = (float(f"{end:.3g}") for end in np.quantile(pooled, (0.4, 0.6)))
     return {"between": [[low, high]]} if low < high else {}
