@@ -63,13 +63,13 @@ def clock_in_parts(table: Table) -> dict[Column, str]:
     Return an empty dictionary if the titles name no such parts, or if the values do not suit them.
     The numbers of the coarsest part may be any numbers from zero on.
     """
-    part_of_unit: dict[str, ClockPart] = {}
-    for column in table.values():
-        last = {*words(column.title)[-1:]}
+    found: dict[str, ClockPart] = {}
+    for one in table.values():
+        last = {*words(one.title)[-1:]}
         unit = next((unit for unit, (titles, _) in PARTS.items() if last & {*titles.split()}), "")
-        if unit and column.values and all((x >= 0).all() for x in column.values):
-            part_of_unit.setdefault(unit, ClockPart(column, unit))
-    parts = [part_of_unit[unit] for unit in PARTS if unit in part_of_unit]
+        if unit and one.values and all((x >= 0).all() for x in one.values):
+            found.setdefault(unit, ClockPart(one, unit))
+    parts = [found[unit] for unit in PARTS if unit in found]
     fits = [finer.follows(coarser) for coarser, finer in pairwise(parts)]
     parts = parts[: 1 + [*fits, False].index(False)]
     # only the finest part may have decimal places

@@ -96,16 +96,14 @@ def find_held(
         if len(levels) != 1:
             return None
         (values,) = levels.values()
-        if is_table and sum(recording.rows_kept for recording in recordings) < FEWEST * len(values):
+        if is_table and sum(one.rows_kept for one in recordings) < FEWEST * len(values):
             # with few samples at each value, the quantity moved in steps and was not held constant
             return None
     of = asked or next(iter(levels))
     swept = next((name for name in inputs if name not in (of, *levels)), None)
     at, within = levels.get(of, []), None
     if not at:
-        at = find_levels(
-            np.concatenate([recording.columns[of] for recording in recordings])
-        ).tolist()
+        at = find_levels(np.concatenate([one.columns[of] for one in recordings])).tolist()
         within = two_digits(NEAR * 2 * default_within(np.array(at))) if len(at) > 1 else None
     if swept is None or len(at) < 2:
         return None

@@ -61,7 +61,7 @@ class FoundTable:
         across = self.rows[top][1:]
         down = [row[0] for row in self.rows[top + 1 :] if len(row) == self.wide]
         steps = [_steps_of(cells, self.top.is_number) for cells in (across, down)]
-        is_ordered = all(len(step) > 1 and (min(step) > 0 or max(step) < 0) for step in steps)
+        is_ordered = all(len(one) > 1 and (min(one) > 0 or max(one) < 0) for one in steps)
         return top if is_ordered and {*steps[0]} != {1.0} else None
 
     def _is_without_corner(self, at: int) -> bool:
@@ -113,9 +113,9 @@ class FoundTable:
         )
 
     def _units(self, stored: Sequence[str], written: Sequence[str]) -> list[str]:
-        """Return the unit of each column: the unit in `stored` if it is not empty, otherwise
-        the unit in the line of units. The unit of a column of time stamps is always `s`, because they are
-        read in seconds.
+        """Return the unit of each column: the unit in `stored` if it is not empty, otherwise the
+        unit in the line of units. The unit of a column of time stamps is always `s`, because they
+        are read in seconds.
         """
         units = [without_brackets(unit or line) for unit, line in zip(stored, written, strict=True)]
         for place in self.numeric:

@@ -99,13 +99,11 @@ def _whole_recordings(done: Experiment, logs: Sequence[str]) -> Section:
     """
     if len(done.apart) == 1:
         name = done.apart[0]
-        values = sorted({float(recording.columns[name][0]) for recording in done.recordings})
+        values = sorted({float(one.columns[name][0]) for one in done.recordings})
         held_out: Section = {name: values[1:-1:3] or values[1:]}
     else:
         held = logs[1:-1:3] or logs[1:]
-        ids = [
-            recording.id for recording in done.recordings if (recording.log or recording.id) in held
-        ]
+        ids = [one.id for one in done.recordings if (one.log or one.id) in held]
         held_out = {WHOLE: ids}
     return held_out if all(held_out.values()) else {}
 

@@ -193,8 +193,8 @@ class _Proposal:
             if column.blocks and column.column not in used and not answers.recordings:
                 yield (
                     f"each value of {column.called} is in one block of rows; if each of the "
-                    f"{column.blocks} blocks is a recording, write `--recordings {column.asked_for}`, "
-                    "so that lags stay within a recording"
+                    f"{column.blocks} blocks is a recording, write "
+                    f"`--recordings {column.asked_for}`, so that lags stay within a recording"
                 )
         if not answers.hold:
             yield from offers_of(self.study.names)
