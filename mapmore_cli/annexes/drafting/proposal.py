@@ -186,9 +186,9 @@ class _Proposal:
             if column.summaries and column.column not in read:
                 yield (
                     f"rows with {', '.join(column.summaries)} in {column.called} are read as "
-                    f"samples, but seem to be computed from the other rows. "
-                    f"`--group {column.asked_for}` leaves them out, and scores the groups of other rows separately; or delete "
-                    "them in a copy of the file"
+                    "samples, but seem to be computed from the other rows. "
+                    f"`--group {column.asked_for}` leaves them out, and scores the groups of other "
+                    "rows separately; or delete them in a copy of the file"
                 )
             if column.blocks and column.column not in used and not answers.recordings:
                 yield (

@@ -62,8 +62,13 @@ def unit_line(subject: Subject) -> Issues:
     """Find header lines whose units contradict the spec, for example kN below the name of a column
     that is read in N.
     """
-    sources = [*dict.fromkeys(recording.source for recording in subject.recordings)][:LOOKED_AT]
-    yield from dict.fromkeys(issue for source in sources for issue in _units_below(subject, source))
+    issues = (issue for source in _sources(subject) for issue in _units_below(subject, source))
+    yield from dict.fromkeys(issues)
+
+
+def _sources(subject: Subject) -> list[str]:
+    """Return the files of the recordings, at most `LOOKED_AT` of them."""
+    return [*dict.fromkeys(recording.source for recording in subject.recordings)][:LOOKED_AT]
 
 
 def _columns_of(data: Data, source: str) -> dict[str, SourceColumn]:
@@ -105,8 +110,7 @@ def header_of_numbers(subject: Subject) -> Issues:
     because they are read as header lines. A line that only numbers the columns (`1`, `2`, `3`) is
     allowed.
     """
-    sources = dict.fromkeys(recording.source for recording in subject.recordings)
-    for source in [*sources][:LOOKED_AT]:
+    for source in _sources(subject):
         top = _header(subject, source)
         rows = [] if top is None else [row for row in top.rows[1:] if _is_sample(row, top)]
         if rows:
