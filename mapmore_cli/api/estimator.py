@@ -176,11 +176,11 @@ class FROLS:
         """Return the output of the model at every row of `X`, (n,)."""
         self._check_fitted()
         names = _names_of_frame(X)
-        own = getattr(self, "feature_names_in_", None)
-        if names is not None and own is not None and list(own) != names:
+        fitted_names = getattr(self, "feature_names_in_", None)
+        if names is not None and fitted_names is not None and list(fitted_names) != names:
             raise ValueError(
                 "The feature names should match those that were passed during fit, "
-                f"{', '.join(own)}; they are {', '.join(names)}"
+                f"{', '.join(fitted_names)}; they are {', '.join(names)}"
             )
         values = _numeric_table(X)
         if values.shape[1] != self.n_features_in_:
@@ -309,8 +309,8 @@ def _numeric_table(X: object) -> Array:
         )
         raise ValueError(f"Expected 2D array, got {values.ndim}D array instead. {hint}")
     if 0 in values.shape:
-        what = f"0 feature(s) (shape={values.shape})" if len(values) else "0 sample(s)"
-        raise ValueError(f"Found array with {what} while a minimum of 1 is required.")
+        size = f"0 feature(s) (shape={values.shape})" if len(values) else "0 sample(s)"
+        raise ValueError(f"Found array with {size} while a minimum of 1 is required.")
     return values
 
 
@@ -353,11 +353,11 @@ def _no_unit(numbers: Array, unit: str) -> Array:
 def _finite_numbers(values: object, name: str) -> Array:
     """Return the values as an array of finite real numbers. Raises ValueError for other values."""
     try:
-        found = Door(_no_unit).numbers(values, name)
+        numbers = Door(_no_unit).numbers(values, name)
     except DataError as fault:
         raise NotNumbers(fault.message) from fault
-    if not np.isfinite(found).all():
+    if not np.isfinite(numbers).all():
         raise ValueError(
             "Input contains NaN or infinity (or missing or masked values). Remove those rows."
         )
-    return found
+    return numbers

@@ -201,13 +201,13 @@ class _Bar:
         if self._bar is not None:
             self._bar.stop()
 
-    def __call__(self, what: str, done: int, total: int) -> None:
-        """Show that `done` of `total` steps of the task `what` are finished."""
+    def __call__(self, task: str, done: int, total: int) -> None:
+        """Show that `done` of `total` steps of the task `task` are finished."""
         if time.monotonic() < self._due and not (self._is_begun and done == total):
             return
         self._is_begun = True
         if not self._is_drawn:
-            self._console.print(f"{what}: {done} of {total}")
+            self._console.print(f"{task}: {done} of {total}")
             self._due = time.monotonic() + LINE_EVERY
             return
         if self._bar is None:
@@ -215,8 +215,8 @@ class _Bar:
 
             self._bar = Progress(console=self._console, auto_refresh=False)
             self._bar.start()
-            self._bar.add_task(what)
-        self._bar.update(self._bar.task_ids[0], description=what, completed=done, total=total)
+            self._bar.add_task(task)
+        self._bar.update(self._bar.task_ids[0], description=task, completed=done, total=total)
         self._bar.refresh()
         self._due = time.monotonic() + 0.1
 

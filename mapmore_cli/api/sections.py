@@ -168,9 +168,11 @@ def fit(
             f"{HERE}: unknown key `{key}`", did_you_mean(key, [*sections, *Data.model_fields])
         )
     data_keys = {key: value for key, value in of_data.items() if value is not None}
-    own, frames = _data_of(frame, {**(data or {}), **data_keys}, target)
+    data_section, frames = _data_of(frame, {**(data or {}), **data_keys}, target)
     document = {key: value for key, value in sections.items() if value is not None}
-    study = Study(plain_values({**document, "data": own}), frames, Path.cwd(), check, progress)
+    study = Study(
+        plain_values({**document, "data": data_section}), frames, Path.cwd(), check, progress
+    )
     fitted = study.fitted()
     for warning in (*fitted.scores.table.warnings, *fitted.doubts):
         warnings.warn(warning, stacklevel=2)
@@ -184,7 +186,7 @@ def _data_of(
     Raises SpecError if there is no table, or if frames and files are mixed.
     """
     tables = list(frame) if isinstance(frame, list | tuple) else [frame]
-    frames = tuple(one for one in tables if labels_of(one) is not None)
+    frames = tuple(table for table in tables if labels_of(table) is not None)
     if not tables or 0 < len(frames) < len(tables):
         raise SpecError(
             "fit: the list contains both frames and file names"

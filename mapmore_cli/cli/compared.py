@@ -54,11 +54,11 @@ ANSWER = (
 def of_campaigns(
     names: Sequence[str],
     results: Mapping[str, Comparison],
-    what: str = "runs",
+    things: str = "runs",
     only_in: Mapping[str, str] = {},
 ) -> View:
-    """Return the view of several comparisons, with a row for each. If `what` is `runs`, every run
-    of a campaign is compared with the same run of an earlier campaign. If `what` is `outputs`,
+    """Return the view of several comparisons, with a row for each. If `things` is `runs`, every run
+    of a campaign is compared with the same run of an earlier campaign. If `things` is `outputs`,
     every output of a model is compared with the same output of an earlier model. For each run that
     only one of two campaigns contains, `only_in` holds the name of this campaign.
     """
@@ -69,7 +69,7 @@ def of_campaigns(
     lines += [f"{run}: is only in {name}, and was not compared." for run, name in only_in.items()]
     table = drift_table([names[0], *results], [*results.values()])
     document = {"before": names[0], "after": names[1], "runs": runs, "only_in": dict(only_in)}
-    return View(document, (table,), (f"{len(results)} {what}: {tally}.", *lines))
+    return View(document, (table,), (f"{len(results)} {things}: {tally}.", *lines))
 
 
 def _verdict(before: str, after: str, comparison: Comparison) -> str:

@@ -234,14 +234,14 @@ def spec_of(config: Path, overrides: list[str], runs: Path) -> tuple[Path, list[
 def refuse_endings(
     paths: Sequence[Path],
     endings: Sequence[str] = (*FIGURE_FILES, *TABLE_FILES),
-    what: str = "figures and tables cannot have this file ending",
+    problem: str = "figures and tables cannot have this file ending",
 ) -> None:
-    """Raise UsageError for a path whose file ending is not one of the `endings`. The text `what`
+    """Raise UsageError for a path whose file ending is not one of the `endings`. The text `problem`
     says in the message what is wrong.
     """
     for path in paths:
         if path.suffix.removeprefix(".") not in endings:
-            raise UsageError(f"{path}: {what}", f"choose .{', .'.join(endings)}")
+            raise UsageError(f"{path}: {problem}", f"choose .{', .'.join(endings)}")
 
 
 def write_figure(path: Path, drawing: Drawing) -> None:

@@ -129,25 +129,25 @@ class Reporter:
         self.say(f"{name}: {'up to date' if reason is None else f'runs ({reason})'}")
         self._stage = None if reason is None else (name, time.monotonic())
 
-    def progress(self, what: str, done: int, total: int) -> None:
-        """Show that `done` of `total` steps of long work are done. `what` names the work. The
+    def progress(self, task: str, done: int, total: int) -> None:
+        """Show that `done` of `total` steps of long work are done. `task` names the work. The
         function has the type `fitting.stage.Progress`.
         """
         if self._quiet:
             return
         now = time.monotonic()
-        if what != self._task:
+        if task != self._task:
             self._end_task()
-            self._task, self._due = what, now + PATIENCE
+            self._task, self._due = task, now + PATIENCE
         if now < self._due:
             return
         if sys.stderr.isatty():
-            self._draw(what, done, total)
+            self._draw(task, done, total)
         else:
-            print(f"{what}: {done} of {total}", file=sys.stderr)
+            print(f"{task}: {done} of {total}", file=sys.stderr)
             self._due = now + LINE_EVERY
 
-    def _draw(self, what: str, done: int, total: int) -> None:
+    def _draw(self, task: str, done: int, total: int) -> None:
         if self._bar is None:
             from rich.console import Console
             from rich.progress import Progress
@@ -155,7 +155,7 @@ class Reporter:
             # Rich's own thread would compete with the computation, so the bar is drawn here.
             self._bar = Progress(console=Console(stderr=True), transient=True, auto_refresh=False)
             self._bar.start()
-            self._bar.add_task(what)
+            self._bar.add_task(task)
         self._bar.update(self._bar.task_ids[0], completed=done, total=total)
         self._bar.refresh()
         self._due = time.monotonic() + 0.1

@@ -295,8 +295,8 @@ def _of_fit(result: FitResult) -> View:
         )
         tables += [table for table in of_memory if table.rows]
     if page is not None and result.body is not None:
-        own, own_tables = page.show_fit(result.body)
-        document |= own
+        fit_document, own_tables = page.show_fit(result.body)
+        document |= fit_document
         tables += own_tables
     return View(document, tuple(tables), (*_formula_lines(result.formula), *result.notes))
 
@@ -305,13 +305,13 @@ def _of_outputs(names: Iterable[str], views: Iterable[View]) -> tuple[Document, 
     """Combine the views of several outputs. Return one JSON document that contains the documents by
     the name of the output, and all tables, whose titles begin with the name of the output.
     """
-    own = dict(zip(names, views, strict=True))
+    by_output = dict(zip(names, views, strict=True))
     tables = (
         replace(table, title=f"{name}: {table.title}")
-        for name, view in own.items()
+        for name, view in by_output.items()
         for table in view.tables
     )
-    return {"outputs": {name: view.document for name, view in own.items()}}, tuple(tables)
+    return {"outputs": {name: view.document for name, view in by_output.items()}}, tuple(tables)
 
 
 def _segment(named: SegmentFit | SegmentFunction, numbers: object) -> Document:
@@ -335,8 +335,8 @@ def _formula_lines(formula: FormulaFit | None) -> tuple[str, ...]:
         f"{name} = {value:.6g} {units.get(name, '')}".rstrip()
         for name, value in formula.parameters.items()
     )
-    own = f"{formula.name} ({formula.status.replace('_', ' ')}, {formula.method}): {parameters}"
-    return (own, *rival_minima(formula.name, formula))
+    line = f"{formula.name} ({formula.status.replace('_', ' ')}, {formula.method}): {parameters}"
+    return (line, *rival_minima(formula.name, formula))
 
 
 def _memory_tables(memory: MemoryModel) -> list[Table]:

@@ -106,13 +106,14 @@ class Contradiction(ValueError):
         self.message, self.remedy, self.near = message, remedy, near
 
 
-def from_fields(of: type[S], settings: object, **own: object) -> S:
-    """Return an object of the dataclass `of`. A field takes its value from `own` if `own` contains
-    the name of the field, and otherwise from the attribute of `settings` with this name.
+def from_fields(of: type[S], settings: object, **overrides: object) -> S:
+    """Return an object of the dataclass `of`. A field takes its value from `overrides` if
+    `overrides` contains the name of the field, and otherwise from the attribute of `settings` with
+    this name.
     """
     names = [field.name for field in fields(of)]  # type: ignore[arg-type]
     shared = {name: getattr(settings, name) for name in names if hasattr(settings, name)}
-    return of(**{**shared, **own})
+    return of(**{**shared, **overrides})
 
 
 # Values that may have several forms
@@ -169,11 +170,11 @@ class Either:
             for mark in getattr(member, "__metadata__", ())
         )
 
-        def told(value: object) -> str:
+        def tag_of(value: object) -> str:
             is_number = has_unit and getattr(value, "is_quantity", False)
             return "<a number>" if is_number else self._told(value)
 
-        return {"type": "tagged-union", "choices": choices, "discriminator": told}
+        return {"type": "tagged-union", "choices": choices, "discriminator": tag_of}
 
     def _tag(self, member: object) -> str:
         keys = getattr(member, "__dataclass_fields__", None) or getattr(member, "model_fields", {})

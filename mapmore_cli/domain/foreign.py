@@ -134,12 +134,12 @@ def tex_label(text: str) -> str:
     """Return LaTeX source for a label with formulas between dollars. Formulas may contain symbols
     and a few commands; any other formula is printed as text.
     """
-    text, found, end = _printed(text), "", 0
+    text, tex, end = _printed(text), "", 0
     for match in _FORMULAS.finditer(text):
         if _IN_FORMULA.fullmatch(match[1]) and _is_balanced(match[1]):
-            found += f"{text[end : match.start()].translate(_TEX)}${match[1]}$"
+            tex += f"{text[end : match.start()].translate(_TEX)}${match[1]}$"
             end = match.end()
-    return found + text[end:].translate(_TEX)
+    return tex + text[end:].translate(_TEX)
 
 
 def _is_balanced(formula: str) -> bool:

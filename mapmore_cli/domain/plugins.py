@@ -162,16 +162,18 @@ def _installed() -> tuple[EntryPoint, ...]:
     only_ours = NONE_OF_OTHERS in os.environ
     for package in distributions(name=OURS) if only_ours else distributions():
         try:
-            found = [point for point in package.entry_points if point.group.startswith("mapmore.")]
-            if not found:
+            points_of_package = [
+                point for point in package.entry_points if point.group.startswith("mapmore.")
+            ]
+            if not points_of_package:
                 continue
             # if an entry point has the wrong form, this line raises an error
-            is_ours = True in [_is_ours(point) for point in found]
+            is_ours = True in [_is_ours(point) for point in points_of_package]
             # if a package is installed twice, Python imports the first one on `sys.path`
             identity = (_name_of(package), is_ours)
             if identity not in packages and (is_ours or not only_ours):
                 packages.add(identity)
-                points += found
+                points += points_of_package
         # a broken package may raise any exception, but other packages must still work
         except Exception as fault:
             left_out = f"the plug-ins of {_name_of(package)} are left out"

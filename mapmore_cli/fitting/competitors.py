@@ -144,8 +144,8 @@ class Contest:
         """
         curves = self.dataset.curves
         if name == "arx":
-            if found := simple.arx(self.dataset, self._inputs):
-                arx, outputs = found
+            if fitted := simple.arx(self.dataset, self._inputs):
+                arx, outputs = fitted
                 limits = extremes(self._training[self.dataset.target])
                 return outputs, arx.as_memory(curves, limits)
         elif name != "backbone":

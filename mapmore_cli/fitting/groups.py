@@ -97,8 +97,8 @@ def regrouped(dataset: Dataset) -> Dataset:
     try:
         curves, _ = without_effects(dataset.raw_curves, dataset.grouping)
     except DataError as error:
-        what = f"with a part of the data left out, {error.message}"
-        raise DataError(what, error.remedy) from error
+        message = f"with a part of the data left out, {error.message}"
+        raise DataError(message, error.remedy) from error
     return replace(dataset, curves=curves)
 
 

@@ -68,8 +68,8 @@ def choices_by_fold(
     def searched(first: int) -> ModelChoices:
         outs = zip(*folds[first::MOST_SEARCHES], strict=True)
         rest = without(dataset, [np.logical_or.reduce(every) for every in outs])
-        found = again(regrouped(rest))
-        return replace(found, name=choices.name, signals=choices.signals)
+        choices_of_fold = again(regrouped(rest))
+        return replace(choices_of_fold, name=choices.name, signals=choices.signals)
 
     return lambda number: searched(number % MOST_SEARCHES)
 
@@ -126,8 +126,8 @@ def left_out(
         datasets.append(fold)
         parts.append({OWN: forecasts, **outputs})
         warnings += fold_warnings
-        what = f"{'levels' if group is None else 'groups'} left out"
-        workspace.progress(what, len(parts), len(folds))
+        task = f"{'levels' if group is None else 'groups'} left out"
+        workspace.progress(task, len(parts), len(folds))
     pooled = {
         name: _by_fold([outputs[name] for outputs in parts], folds)
         for name in parts[0]

@@ -47,11 +47,11 @@ def clocked(samples: Samples, data: Data, units: Mapping[str, str]) -> list[Samp
         in_time_order(run, data.repeated_time, unit)
         for run in (_cut_at_resets(samples, unit) if split else [samples])
     ]
-    found = [piece for run in ordered for piece in _at_gaps(run, data, unit)]
+    pieces = [piece for run in ordered for piece in _at_gaps(run, data, unit)]
     if data.resample is not None:
         step = convert(data.resample, "s", unit)
-        found = [_resampled(piece, step) for piece in found]
-    return found
+        pieces = [_resampled(piece, step) for piece in pieces]
+    return pieces
 
 
 TURNS = (3600.0, 86400.0)
@@ -111,12 +111,12 @@ def in_time_order(samples: Samples, repeated: str, unit: str) -> Samples:
         return samples
     if repeated == "error":
         at = int(repeats[0]) + 1
-        what = (
+        message = (
             f"{samples.at(at)}: the time {time[at]:.9g} occurs twice ({len(repeats)} "
             "repeated time stamps in all)"
         )
         raise DataError(
-            what,
+            message,
             "Set `repeated_time: average` to use the mean of such samples, or `repeated_time: "
             "spread` to move them apart.",
         )
@@ -157,7 +157,7 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
         return [samples]
     longest = int(np.argmax(gaps.lengths))
     which = "a gap" if len(gaps) == 1 else f"the first of {len(gaps)} gaps"
-    found = (
+    gap = (
         f"{samples.at(int(gaps.after[0]))}: {which} longer than {limit:.4g} {unit} follows; "
         f"the longest lasts {gaps.lengths[longest]:.4g} {unit}, after {samples.place} "
         f"{samples.rows[gaps.after[longest]]}; about {gaps.samples_missing} samples are "
@@ -169,18 +169,18 @@ def _at_gaps(samples: Samples, data: Data, unit: str) -> list[Samples]:
                 samples,
                 doubts=(
                     *samples.doubts,
-                    f"{found}; set `data.gaps` to split the recording there, or to accept the gap",
+                    f"{gap}; set `data.gaps` to split the recording there, or to accept the gap",
                 ),
             )
         ]
     if data.gaps.action == "error":
         raise DataError(
-            found,
+            gap,
             "`data.gaps` has `action: error`: write `gaps: "
             "{longer_than: ..., action: split}` to make a recording of each piece, or "
             "raise `longer_than`.",
         )
-    return replace(samples, notes=(*samples.notes, f"{found}: split")).cut(
+    return replace(samples, notes=(*samples.notes, f"{gap}: split")).cut(
         sampling.cut_after(samples.size, gaps.after)
     )
 

@@ -66,13 +66,14 @@ def with_plateau(recording: Recording, plateau: Plateau, units: Mapping[str, str
         start, end = plateau
     on: BoolArray = (seconds >= start) & (seconds <= end)
     if not on.any():
-        what = (
+        problem = (
             f"there is no sample from {start:g} s to {end:g} s, where the spec has the "
             "plateau; the recording covers"
         )
         place = f"{seconds[0]:g} s to {seconds[-1]:g} s"
         raise DataError(
-            f"{recording.name}: {what} {place}", "give another `plateau`, or write `plateau: auto`"
+            f"{recording.name}: {problem} {place}",
+            "give another `plateau`, or write `plateau: auto`",
         )
     step = np.full(len(on), columns[STEP_OF][on].mean())
     return replace(recording, columns={**columns, PLATEAU: on.astype(float), STEP_PRESSURE: step})
@@ -86,9 +87,9 @@ def static_model(run_dir: Path, force: Quantity, units: Mapping[str, str]) -> Mo
     """
     model = alone(RunFiles(run_dir).model())
     if model.output != force:
-        found = f"{model.output.name} in {model.output.unit}"
+        predicted = f"{model.output.name} in {model.output.unit}"
         raise SpecError(
-            f"needs.static: the model of {model.name} predicts {found}, not {force.name} in "
+            f"needs.static: the model of {model.name} predicts {predicted}, not {force.name} in "
             f"{force.unit}",
             "name a run of such a model in `needs.static`",
         )
@@ -247,7 +248,9 @@ def cut_by_level(
     for level in [] if levels is None else levels.at:
         if level not in there_are:
             assert levels is not None
-            values = np.concatenate([one.columns[levels.of] for log in logs for one in log])
+            values = np.concatenate(
+                [recording.columns[levels.of] for log in logs for recording in log]
+            )
             raise DataError(
                 f"levels: no sample is within {levels.within:g} of {levels.of}={level:g}",
                 f"{levels.of} goes from {values.min():g} to {values.max():g}; give other "
@@ -335,6 +338,8 @@ def _joined_parts(
         np.concatenate(masks),
         tuple(part.recording.id for part in parts),
         None if plateau is None else plateau == 1.0,
-        None if len(parts) == 1 else np.repeat(np.arange(len(parts)), [one.size for one in parts]),
+        None
+        if len(parts) == 1
+        else np.repeat(np.arange(len(parts)), [part.size for part in parts]),
         {name: known for name, known in united(training).items() if name != nominal},
     )

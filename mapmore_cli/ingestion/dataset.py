@@ -93,9 +93,13 @@ def build_dataset(
         if static is not None:
             logs = [[with_damping(piece, target, static, warn) for piece in log] for log in logs]
         units[PLATEAU] = "1"
-    levels = level_set(data.levels, [one for log in logs for one in log]) if data.levels else None
+    levels = (
+        level_set(data.levels, [recording for log in logs for recording in log])
+        if data.levels
+        else None
+    )
     recordings, parts = cut_by_level(logs, levels)
-    for warning in (*warnings, *(told for recording in recordings for told in _losses(recording))):
+    for warning in (*warnings, *(loss for recording in recordings for loss in _losses(recording))):
         warn(warning)
     if static_run is not None:
         target = DAMPING

@@ -170,7 +170,7 @@ def _found(
     """Return every file together with the entry of `data.files` that names it. If several entries
     name sheets or tables of the same file, the file is returned once for each of them.
     """
-    found: dict[tuple[str, str | None, WhichTable | None], tuple[Log, FileEntry]] = {}
+    files: dict[tuple[str, str | None, WhichTable | None], tuple[Log, FileEntry]] = {}
     for entry in (FileEntry(path=entry) if isinstance(entry, str) else entry for entry in entries):
         table = tables.get(entry.path)
         paths = [folder / entry.path]
@@ -184,8 +184,8 @@ def _found(
         for path in paths:
             name = relative_name(path, folder)
             part = (name, entry.sheet, entry.table)
-            if part in found:
-                before = found[part][1].path
+            if part in files:
+                before = files[part][1].path
                 which = ":".join(map(str, filter(None, part)))
                 raise DataError(
                     f"{which}: is named twice, by '{before}' and by '{entry.path}'",
@@ -199,8 +199,8 @@ def _found(
                 table_below=entry.table,
                 columns=entry.columns,
             )
-            found[part] = (log, entry)
-    return list(found.values())
+            files[part] = (log, entry)
+    return list(files.values())
 
 
 def _automatic(logs: Sequence[Log]) -> list[str]:
@@ -225,9 +225,11 @@ def _logs_to_join(join: Join, count: int, folder: Path, warn: Warn) -> list[Log]
     logs = [log for log, _ in _found(join.files, folder, warn=warn)]
     if len(logs) not in (1, count):
         names = ", ".join(log.name for log in logs[:4])
-        what = f"join: {len(logs)} files cannot be paired with {count} of `data.files`: {names} ..."
+        message = (
+            f"join: {len(logs)} files cannot be paired with {count} of `data.files`: {names} ..."
+        )
         raise DataError(
-            what, "Name one file for each, in the same order, or a single file for all."
+            message, "Name one file for each, in the same order, or a single file for all."
         )
     return logs if len(logs) == count else logs * count
 

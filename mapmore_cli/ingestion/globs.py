@@ -120,19 +120,19 @@ def _below(parts: Sequence[str], top: Path, is_entered: Callable[[Path], bool]) 
     between the slashes of the glob. If a wildcard leads to a folder, `is_entered` decides whether
     this folder is searched.
     """
-    plain = list(takewhile(lambda part: not glob.has_magic(part), parts))
-    here, rest = top.joinpath(*plain), parts[len(plain) :]
+    literal = list(takewhile(lambda part: not glob.has_magic(part), parts))
+    here, rest = top.joinpath(*literal), parts[len(literal) :]
     if not rest:
         yield from [here] if os.path.lexists(here) else ()
         return
     if rest[0] == "**":
         inner: Iterable[Path] = _folders(here, set(), is_entered) if here.is_dir() else ()
     else:
-        found = _entries(here, rest[0])
+        entries = _entries(here, rest[0])
         if len(rest) == 1:
-            yield from map(Path, found)
+            yield from map(Path, entries)
             return
-        inner = (Path(entry) for entry in found if entry.is_dir() and is_entered(Path(entry)))
+        inner = (Path(entry) for entry in entries if entry.is_dir() and is_entered(Path(entry)))
     for path in inner:
         yield from _below(rest[1:] or ["*"], path, is_entered)
 
@@ -159,8 +159,10 @@ def _folders(
     """
 
     def refused(fault: OSError) -> None:
-        what = f"{fault.filename}: cannot be read ({fault.strerror})"
-        raise DataError(what, "change its permissions, or name the files without `**`") from fault
+        message = f"{fault.filename}: cannot be read ({fault.strerror})"
+        raise DataError(
+            message, "change its permissions, or name the files without `**`"
+        ) from fault
 
     for name, inner, _ in os.walk(top, onerror=refused, followlinks=True):
         state = Path(name).stat()
@@ -169,7 +171,9 @@ def _folders(
             continue
         seen.add((state.st_dev, state.st_ino))
         inner[:] = sorted(
-            one for one in inner if not one.startswith(".") and is_entered(Path(name, one))
+            inner_name
+            for inner_name in inner
+            if not inner_name.startswith(".") and is_entered(Path(name, inner_name))
         )
         yield Path(name)
 

@@ -36,7 +36,9 @@ def read_tables(
         return [_in_model_units(log.table, table, data, units)]
     request = TableRequest(
         label=log.name,
-        columns=tuple(dict.fromkeys(at for one in table.columns.values() for at in one.places)),
+        columns=tuple(
+            dict.fromkeys(at for column in table.columns.values() for at in column.places)
+        ),
         header=int(table.header),
         skip_rows=table.skip_rows,
         delimiter=table.delimiter,
@@ -54,11 +56,13 @@ def read_tables(
         formats=table.columns["time"].formats if "time" in table.columns else {},
         second=_second(table, units),
         table=log.table_below or table.table,
-        thousands_of={one.column: one.thousands for one in table.columns.values() if one.thousands},
+        thousands_of={
+            column.column: column.thousands for column in table.columns.values() if column.thousands
+        },
         texts={
-            one.column: meter.texts.setdefault(name, {})
-            for name, one in table.columns.items()
-            if one.texts
+            column.column: meter.texts.setdefault(name, {})
+            for name, column in table.columns.items()
+            if column.texts
         },
     )
     return [
@@ -102,7 +106,7 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
     """
     missing, deviations = data.missing_rule.numbers, [*data.uncertainty.values()]
     doubts = [*raw.doubts, *_against_the_file(raw, table, units)]
-    taken, second = slice(None, None, table.every), _second(table, units)
+    every, second = slice(None, None, table.every), _second(table, units)
     columns: dict[str, Array] = {}
     for name, column in table.columns.items():
         as_is = (
@@ -119,7 +123,7 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
             values = unwrapped(values, column.unwrap)
         elif column.texts == "down":
             values = _filled_down(values)
-        values = values[taken]
+        values = values[every]
         columns[name] = (
             values
             if as_is
@@ -137,7 +141,7 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
     if table.sample_time is not None:
         step = convert(table.sample_time, "s", units["time"])
         columns["time"] = by_blocks(
-            lambda rows: table.every * row_numbers(rows) * step, range(len(raw.rows[taken]))
+            lambda rows: table.every * row_numbers(rows) * step, range(len(raw.rows[every]))
         )
     for name, column in table.columns.items():
         if column.rest is not None:
@@ -151,7 +155,7 @@ def _in_model_units(raw: RawTable, table: Logs, data: Data, units: Mapping[str, 
             columns[name] = by_blocks(partial(np.add, -mean), columns[name])
     return Samples(
         columns,
-        raw.rows[taken],
+        raw.rows[every],
         raw.label,
         raw.place,
         raw.element,
@@ -179,13 +183,13 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
     They are compared for `scale: -1`, which only changes the sign.
     """
     for name, column in table.columns.items():
-        told, what = raw.noted.get(column.column), f"{raw.label}: '{column.column}'"
-        if told is None:
+        facts, label = raw.noted.get(column.column), f"{raw.label}: '{column.column}'"
+        if facts is None:
             continue
         scales = "scale" in column.model_fields_set and column.scale != -1.0
-        if scales and told.is_scaled and column.scale != 1.0:
+        if scales and facts.is_scaled and column.scale != 1.0:
             yield (
-                f"{what} is scaled by the file itself, and `scale: {column.scale:g}` scales "
+                f"{label} is scaled by the file itself, and `scale: {column.scale:g}` scales "
                 "it again; remove `scale` if only one of the two is meant"
             )
         declared = column.unit or units[name]
@@ -193,12 +197,12 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
             name == "input" or (units[name] == "1" and not is_canonical(name))
         )
         # a quantity without a default unit, for example a command, may have any unit
-        if not told.unit.strip() or scales or free:
+        if not facts.unit.strip() or scales or free:
             continue
-        unit = unit_of_file(told.unit, declared)
+        unit = unit_of_file(facts.unit, declared)
         if unit is None:
             yield (
-                f"{what} is in '{shortened(told.unit)}' according to the file, but is read in "
+                f"{label} is in '{shortened(facts.unit)}' according to the file, but is read in "
                 f"{declared}; check `unit`, because the unit of the file is unknown here"
             )
         elif not is_same(unit, declared):
@@ -206,21 +210,21 @@ def _against_the_file(raw: RawTable, table: Logs, units: Mapping[str, str]) -> I
                 f"write `unit: {unit}`, or set `scale` to the factor from the numbers to "
                 f"{declared} (`scale: 1` if the unit in the file is wrong)"
             )
-            says = told.shown or f"is in {unit} according to the file"
-            raise DataError(f"{what} {says}, but is read as {name} in {declared}", remedy)
-    step = next((told.step for told in raw.noted.values() if told.step), None)
+            says = facts.shown or f"is in {unit} according to the file"
+            raise DataError(f"{label} {says}, but is read as {name} in {declared}", remedy)
+    step = next((facts.step for facts in raw.noted.values() if facts.step), None)
     if (
         step
         and table.sample_time is not None
         and not isclose(step, table.sample_time, rel_tol=1e-3)
     ):
-        what = (
+        message = (
             f"{raw.label}: the file gives one sample every {step:.9g} s, but the spec every "
             f"{table.sample_time:.9g} s"
         )
         if step != 1.0:
-            raise DataError(what, f"write `sample_time: {step:.9g} s`")
-        yield f"{what}, which is used, because LabVIEW writes 1 s if nobody has set a rate"
+            raise DataError(message, f"write `sample_time: {step:.9g} s`")
+        yield f"{message}, which is used, because LabVIEW writes 1 s if nobody has set a rate"
 
 
 def _converted(

@@ -32,26 +32,28 @@ def with_joined(
     Raises DataError for a joined log that has another number of recordings or rows, or that covers
     another time.
     """
-    found = list(tables)
+    recordings = list(tables)
     for join, log in zip(data.join, source.joined, strict=True):
         others = _read(log, join, data, units, meter)
-        if len(others) not in (1, len(found)):
-            what = (
+        if len(others) not in (1, len(recordings)):
+            message = (
                 f"{log.name}: contains {len(others)} recordings, but {source.name} contains "
-                f"{len(found)}"
+                f"{len(recordings)}"
             )
             raise DataError(
-                what,
+                message,
                 "Join a file with as many recordings, or a file with a single recording, which is "
                 "then joined to all of them.",
             )
-        pairs = zip(found, others if len(others) > 1 else others * len(found), strict=True)
+        pairs = zip(
+            recordings, others if len(others) > 1 else others * len(recordings), strict=True
+        )
         both = _by_row if join.on == "row" else _by_time
-        found = [
+        recordings = [
             replace(both(first, second, join, units), doubts=(*first.doubts, *second.doubts))
             for first, second in pairs
         ]
-    return found
+    return recordings
 
 
 def _read(
@@ -69,9 +71,9 @@ def _read(
 
 def _by_row(first: Samples, second: Samples, join: Join, _units: Mapping[str, str]) -> Samples:
     if first.size != second.size:
-        what = f"{second.label}: has {second.size} rows, but {first.label} has {first.size}"
+        message = f"{second.label}: has {second.size} rows, but {first.label} has {first.size}"
         raise DataError(
-            what,
+            message,
             "`on: row` can pair the rows only if both logs have the same number of rows; if both "
             "logs have a clock, remove `on: row`, and give the `shift` between the clocks.",
         )
@@ -117,7 +119,7 @@ def _found_shift(
     assert match is not None
     time, values = _ordered_signal(first, match.first)
     same_sign = units[match.first] == units[match.second]
-    found = find_shift(
+    shift = find_shift(
         time,
         values,
         second.columns["time"],
@@ -126,24 +128,24 @@ def _found_shift(
     )
     pair = f"{match.second} of {second.label} and {match.first} of {first.label}"
     others = "name other quantities in `match`, or give the shift, for example `shift: -40.2 s`"
-    if found is None:
+    if shift is None:
         raise DataError(
             f"no shift can be found from {pair}, because one of them never changes", others
         )
     # the shift is printed with one decimal more than its uncertainty justifies
-    value = f"{found.value:.{max(0, 1 - math.floor(math.log10(found.half_width)))}f}"
-    best = f"{value} {units['time']} (correlation of their changes {found.correlation:.3f})"
-    if found.lost_in_noise:
+    value = f"{shift.value:.{max(0, 1 - math.floor(math.log10(shift.half_width)))}f}"
+    best = f"{value} {units['time']} (correlation of their changes {shift.correlation:.3f})"
+    if shift.lost_in_noise:
         raise DataError(
             f"no shift can be found from {pair}: the best candidate, {best}, is no better "
             "than noise",
             others,
         )
-    if found.ambiguous:
-        assert found.rival is not None
+    if shift.ambiguous:
+        assert shift.rival is not None
         raise DataError(
-            f"the shift cannot be determined from {pair}: a shift of {found.rival:.6g} "
-            f"{units['time']} (correlation {found.next_best:.3f}) fits nearly as well as {best}",
+            f"the shift cannot be determined from {pair}: a shift of {shift.rival:.6g} "
+            f"{units['time']} (correlation {shift.next_best:.3f}) fits nearly as well as {best}",
             others,
         )
     lag = (
@@ -155,13 +157,13 @@ def _found_shift(
     )
     next_best = (
         "no other shift fits nearly as well"
-        if math.isinf(found.ratio)
-        else f"{found.ratio:.2f} times that of the next best shift"
+        if math.isinf(shift.ratio)
+        else f"{shift.ratio:.2f} times that of the next best shift"
     )
-    return found.value, (
-        f"{second.label}: shift {value} ± {found.half_width:.2g} {units['time']}, found from "
+    return shift.value, (
+        f"{second.label}: shift {value} ± {shift.half_width:.2g} {units['time']}, found from "
         f"{match.second} and {match.first} "
-        f"(correlation of their changes {found.correlation:.3f}, {next_best}){lag}"
+        f"(correlation of their changes {shift.correlation:.3f}, {next_best}){lag}"
     )
 
 

@@ -98,7 +98,7 @@ def equation(
         error = tolerance * (
             span if scaling.rule == "none" else min(span, 2 * abs(scaling.y_slope))
         )
-        digits = next((one for one in range(3, 17) if np.abs(value(one) - exact).max() <= error), 6)
+        digits = next((n for n in range(3, 17) if np.abs(value(n) - exact).max() <= error), 6)
     return as_equation(name, whole, digits, where, weight)
 
 

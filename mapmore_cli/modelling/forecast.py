@@ -87,7 +87,7 @@ def outside(model: Model, curve: Curve) -> BoolArray:
     of = partial(outside_range, model)
     if not runs_over_time(model):
         return np.asarray(row_by_row(of, curve.columns))
-    found = np.zeros(curve.size, dtype=np.bool_)
+    is_outside = np.zeros(curve.size, dtype=np.bool_)
     for rows in curve.stretches:
-        found[rows] = of(columns_at(curve.columns, rows))
-    return found
+        is_outside[rows] = of(columns_at(curve.columns, rows))
+    return is_outside

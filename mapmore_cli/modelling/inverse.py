@@ -86,16 +86,16 @@ class SolvedInput:
     solved: BoolArray
 
 
-def invert(model: Model, wanted: Array, given: Columns, name: str, rule: str = LOWEST) -> Inverse:
+def invert(model: Model, wanted: Array, others: Columns, name: str, rule: str = LOWEST) -> Inverse:
     """Return every value of the input `name` at which the model gives the `wanted` output, (n,),
-    for each row. The other inputs have the `given` values, (n,) each. `rule` selects one of several
-    solutions.
+    for each row. The other inputs have the values in `others`, (n,) each. `rule` selects one of
+    several solutions.
 
     Raises UsageError for an unknown input or rule; DataError for a model with memory.
     """
     if rule not in (LOWEST, NEAREST):
         raise UsageError(f"there is no rule '{rule}'", f"use {LOWEST} or {NEAREST}")
-    values, rows, flat, _ = _solutions(model, wanted, given, name)
+    values, rows, flat, _ = _solutions(model, wanted, others, name)
     counts = np.bincount(rows, minlength=len(wanted))
     single = UNIQUE if model.shape is not None and name in model.shape.monotone else ONE
     status = tuple(
@@ -122,16 +122,16 @@ def solve_for_input(model: Model, columns: Columns, name: str) -> SolvedInput:
         model, known_columns.pop(model.output.name), known_columns, name
     )
     lowest_of_row = _picked(lowest, rows, len(known), LOWEST)
-    found = np.isfinite(lowest_of_row)
+    is_solved = np.isfinite(lowest_of_row)
     values = np.full(len(columns[needed[0]]), np.nan)
-    values[known] = np.where(found, lowest_of_row, nearest)
+    values[known] = np.where(is_solved, lowest_of_row, nearest)
     solved = np.zeros(len(values), dtype=np.bool_)
-    solved[known] = found
+    solved[known] = is_solved
     return SolvedInput(values, solved)
 
 
 def _solutions(
-    model: Model, wanted: Array, given: Columns, name: str
+    model: Model, wanted: Array, others: Columns, name: str
 ) -> tuple[Array, IntArray, BoolArray, Array]:
     """Compute the results of `_Line.solutions` for all rows. Only `CHUNK` rows are computed at
     once, to limit the memory.
@@ -147,7 +147,7 @@ def _solutions(
             name,
             names,
             wanted[part],
-            {other: np.asarray(x, dtype=np.float64)[part] for other, x in given.items()},
+            {other: np.asarray(x, dtype=np.float64)[part] for other, x in others.items()},
         )
         values, rows, *of_rows = line.solutions(*line.edges(ends), float(np.ptp(ends)))
         parts.append((values, rows + start, *of_rows))
@@ -189,7 +189,7 @@ def parts_between(knots: Array) -> int:
 @dataclass(frozen=True)
 class _Line:
     """The output of a model as a function of one input x. There are n such functions, one for each
-    row, because the other inputs have `given` values, (n,) each.
+    row, because the other inputs have the values in `others`, (n,) each.
 
     The methods take values of x, shape (m,), and `rows`, shape (m,), the number of the row to which
     each value belongs.
@@ -200,7 +200,7 @@ class _Line:
     name: str
     names: Sequence[str]
     wanted: Array
-    given: Mapping[str, Array]
+    others: Mapping[str, Array]
 
     def missing(self, x: Array, rows: IntArray) -> Array:
         """Return the model's output minus the wanted output at x, (m,)."""
@@ -214,7 +214,7 @@ class _Line:
         return value - self.wanted[rows], slopes[self.names.index(self.name)]
 
     def _columns(self, x: Array, rows: IntArray) -> dict[str, Array]:
-        return {name: x if name == self.name else self.given[name][rows] for name in self.names}
+        return {name: x if name == self.name else self.others[name][rows] for name in self.names}
 
     def edges(self, knots: Array) -> tuple[Array, IntArray]:
         """Return the ends of the parts in which the output is monotone, and the row of each end,

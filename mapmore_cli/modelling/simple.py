@@ -149,7 +149,11 @@ class Arx:
         """
         steps = range(1, self.order + 1)
         past = [f"{self.target}[k-{i}]" for i in steps]
-        past += [one for name in self.names for one in (name, *(f"{name}[k-{i}]" for i in steps))]
+        past += [
+            regressor
+            for name in self.names
+            for regressor in (name, *(f"{name}[k-{i}]" for i in steps))
+        ]
         none, unknown = np.empty(0), np.full(len(past), np.nan)
         step, uneven, _ = sampled(curves, ordered=True)
         states = StateSet(tuple(past), step, {}, {}, none, none, 0.0, uneven)

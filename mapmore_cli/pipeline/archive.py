@@ -242,8 +242,8 @@ def compared(
         if MODEL_STAGE not in stale_stages(stages)
     ]
     try:
-        one, other = (alone(read_model(model).of(output)) for model in (before, after))
-        comparison = compare(one, other, margin)
+        first, second = (alone(read_model(model).of(output)) for model in (before, after))
+        comparison = compare(first, second, margin)
     except ValueError as fault:
         remedy = (
             "compare models of the same quantities that have curves in common; for other models, "

@@ -183,10 +183,15 @@ def _refuse_titles(
     """
     for name in names:
         title, unit = str(options.columns.get(name, "")), options.units.get(name, units[name])
-        told = unit_of(title, unit) if title.rstrip().endswith(("]", ")")) else None
-        if name not in options.units and told is not None and not is_same(told, unit):
+        unit_in_title = unit_of(title, unit) if title.rstrip().endswith(("]", ")")) else None
+        if (
+            name not in options.units
+            and unit_in_title is not None
+            and not is_same(unit_in_title, unit)
+        ):
             raise DataError(
                 f"{label}: the column '{title}' is read as {name} in {unit}, but its title says "
-                f"{told}",
-                f"write `--units {name}={told}`, or `--units {name}={unit}` if the title is wrong",
+                f"{unit_in_title}",
+                f"write `--units {name}={unit_in_title}`, or `--units {name}={unit}` if the title "
+                "is wrong",
             )

@@ -36,32 +36,33 @@ class Door:
     cell: Callable[[Any], float] | None = None
     clock: bool = False
 
-    def numbers(self, values: object, what: str, axis: str = "row") -> Array:
+    def numbers(self, values: object, label: str, axis: str = "row") -> Array:
         """Return values as numbers, in an array of the same shape. Missing values (masked, None,
-        NA, NaT) become NaN. `what` is the name of the values in error messages.
+        NA, NaT) become NaN. `label` is the name of the values in error messages.
 
         Raises DataError for values that are not numbers (texts, truth values, complex numbers, and
         dates unless `clock` is True), and for units that cannot be converted.
         """
         try:
-            return np.asarray(self._read(values, what, axis), dtype=np.float64)
+            return np.asarray(self._read(values, label, axis), dtype=np.float64)
         except (MapmoreError, TypeError, ValueError) as fault:
             reason = str(getattr(fault, "message", fault))
-            said = reason if reason.startswith(what) else f"{what}: {reason}"
+            message = reason if reason.startswith(label) else f"{label}: {reason}"
             raise DataError(
-                said, getattr(fault, "remedy", "use numbers, and None for a missing value")
+                message, getattr(fault, "remedy", "use numbers, and None for a missing value")
             ) from fault
 
-    def _read(self, values: object, what: str, axis: str) -> Any:
+    def _read(self, values: object, label: str, axis: str) -> Any:
         if type(values).__name__ in ABSENT:
             return np.nan
         if isinstance(values, list | tuple):
-            plain = (int, float)  # fast path for arrays of plain numbers, the most common case
+            # fast path for arrays of plain numbers, the most common case
+            number_types = (int, float)
             numbered = enumerate(values)
             return [
                 value
-                if type(value) in plain
-                else self.numbers(value, f"{what}, {axis} {i}", "column")
+                if type(value) in number_types
+                else self.numbers(value, f"{label}, {axis} {i}", "column")
                 for i, value in numbered
             ]
         if self.clock and isinstance(values, datetime):
@@ -70,19 +71,19 @@ class Door:
             return self._seconds(values.total_seconds())
         if isinstance(values, str | date | time | timedelta) and self.cell is not None:
             return self.cell(values)
-        return self._array(values, what, axis)
+        return self._array(values, label, axis)
 
-    def _array(self, values: Any, what: str, axis: str) -> object:
+    def _array(self, values: Any, label: str, axis: str) -> object:
         if hasattr(values, "dims") and "units" not in values.attrs:
             values = values.data  # an xarray object wraps an array of NumPy or pint
         unit, bare = in_unit(values)
         if unit is not None:
-            return self.convert(self.numbers(bare, what, axis), unit)
+            return self.convert(self.numbers(bare, label, axis), unit)
         array, masked = np.asarray(values), np.ma.isMA(values) and np.ma.getmaskarray(values)
         kind = array.dtype.kind
         if kind in "OUT" and array.ndim:
             return self._read(
-                np.where(masked, np.array(None), array.astype(object)).tolist(), what, axis
+                np.where(masked, np.array(None), array.astype(object)).tolist(), label, axis
             )
         if kind == "O":
             return float(values)

@@ -216,11 +216,11 @@ class Sheet:
                 continue
             cells = row.cells if row.text.strip() else [""]
             if len(cells) != len(self.names):
-                found, titled = len(cells) - self.added, len(self.names) - self.added
-                what = (
-                    f"{self.label}:row {row.line}: has {found} fields, but the header has {titled}"
+                fields, titled = len(cells) - self.added, len(self.names) - self.added
+                message = (
+                    f"{self.label}:row {row.line}: has {fields} fields, but the header has {titled}"
                 )
-                raise DataError(what, "correct or remove the line")
+                raise DataError(message, "correct or remove the line")
             for name, place, values, read in columns:
                 try:
                     values[i] = read(cells[place])

@@ -129,7 +129,7 @@ def collected(part: ReportSlice, run_dir: Path, spec_text: str = "") -> tuple[Re
     files = RunFiles(run_dir)
     results = (files.dataset(), files.model(), files.fit(), files.validation())
     outputs = list(zip(*(result.each for result in results), strict=True))
-    inputs = [_collected(part, run_dir, files.segmentation(), *own) for own in outputs]
+    inputs = [_collected(part, run_dir, files.segmentation(), *output) for output in outputs]
     first, *others = [
         replace(output, prefix=f"{output.target.name}." if len(outputs) > 1 else "")
         for output in inputs

@@ -75,7 +75,7 @@ def _rows(run: Finished, known: Iterable[RunRow]) -> list[RunRow]:
     with suppress(LookupError, TypeError):
         data = [str(path) for path in record["stages"]["ingest"]["slice"]["data"]["files"]]
     stages = record["stages"].items()
-    seconds = {name: round(own["seconds"], 3) for name, own in stages if "seconds" in own}
+    seconds = {name: round(stage["seconds"], 3) for name, stage in stages if "seconds" in stage}
     files = RunFiles(run.run_dir)
     rows = []
     scored = zip(run.table.each, files.validation().each, files.dataset().each, strict=True)

@@ -45,9 +45,12 @@ def score(part: ScoresSlice, workspace: Workspace) -> None:
     dataset, model = workspace.files.dataset(), workspace.files.model()
     validations = [
         _scored(
-            replace(part, target=curves.target) if dataset.also else part, workspace, curves, own
+            replace(part, target=curves.target) if dataset.also else part,
+            workspace,
+            curves,
+            own_model,
         )
-        for curves, own in zip(dataset.each, model.each, strict=True)
+        for curves, own_model in zip(dataset.each, model.each, strict=True)
     ]
     validation = replace(validations[0], others=tuple(validations[1:]))
     write_validation(workspace.out / VALIDATION, validation)
@@ -104,7 +107,7 @@ def _scored(part: ScoresSlice, workspace: Workspace, measured: Dataset, model: M
         },
         warnings,
         outliers=far,
-        models={one.name: replace(one.model, left_out=None) for one in rivals if one.model},
+        models={rival.name: replace(rival.model, left_out=None) for rival in rivals if rival.model},
     )
     return for_report(validation, model, dataset)
 

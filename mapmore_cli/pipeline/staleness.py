@@ -134,15 +134,15 @@ def origin_of(loaded: LoadedSpec, run_dir: Path, campaign: Path | None = None) -
     origin remains the original spec, with the settings of both.
     """
     before = load_origin(run_dir)
-    folder, own = loaded.path.resolve().parent, run_dir.resolve()
+    folder, run_folder = loaded.path.resolve().parent, run_dir.resolve()
     if (
         before is not None
         and loaded.path.name in (RESOLVED_SPEC, FOUND)
-        and folder.parent == own.parent
+        and folder.parent == run_folder.parent
         # the name of a variation begins with the name of its study and a point
-        and f"{own.name}.".startswith(f"{folder.name}.")
+        and f"{run_folder.name}.".startswith(f"{folder.name}.")
     ):
-        settings = [one for one in before.settings if one not in loaded.overrides]
+        settings = [setting for setting in before.settings if setting not in loaded.overrides]
         return replace(before, settings=(*settings, *loaded.overrides))
     return Origin(
         _from(run_dir, loaded.path),
@@ -324,13 +324,13 @@ def _reasons(stage: Stage, known: StageRecord | None, now: StageRecord, previous
 
 
 def _file_differences(
-    what: str, gone: str, known: Mapping[str, Stamp], now: Mapping[str, Stamp]
+    kind: str, gone: str, known: Mapping[str, Stamp], now: Mapping[str, Stamp]
 ) -> list[str]:
     changed = [path for path in now if path in known and known[path].sha256 != now[path].sha256]
     return [
-        *(f"{what} {gone}: {path}" for path in known if path not in now),
-        *(f"{what} changed: {path}" for path in changed),
-        *(f"{what} added: {path}" for path in now if path not in known),
+        *(f"{kind} {gone}: {path}" for path in known if path not in now),
+        *(f"{kind} changed: {path}" for path in changed),
+        *(f"{kind} added: {path}" for path in now if path not in known),
     ]
 
 

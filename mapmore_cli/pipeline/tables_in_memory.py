@@ -121,10 +121,10 @@ def column_of(
 
 
 def given_numbers(
-    values: object, what: str, name: str, unit: str, layout: str | None = None
+    values: object, label: str, name: str, unit: str, layout: str | None = None
 ) -> Array:
     """Convert the values that a user passed for the quantity `name` to numbers in `unit`. `layout`
-    is the format of time stamps, and `what` is the name of the values in messages.
+    is the format of time stamps, and `label` is the name of the values in messages.
 
     Raises DataError for values that cannot be converted.
     """
@@ -132,7 +132,7 @@ def given_numbers(
     read = CellReader(clock=clock, format=layout, second=convert(1.0, "s", unit) if clock else 1.0)
     return Door(
         lambda numbers, unit_of_column: convert(numbers, unit_of_column, unit), read, clock
-    ).numbers(values, what)
+    ).numbers(values, label)
 
 
 def tables_of(
@@ -152,12 +152,12 @@ def tables_of(
         for name, entry in columns.items():
             settings = entry if isinstance(entry, Mapping) else {}
             unit = str(settings.get("unit") or default_unit(name, units))
-            own = column_of(
+            column = column_of(
                 frame, source_of(entry), label, name, unit, settings.get("format")
             ).view()
             # the array may belong to the caller, so it must stay unchanged
-            own.flags.writeable = False
-            arrays[name] = own
+            column.flags.writeable = False
+            arrays[name] = column
         lengths = {name: len(values) for name, values in arrays.items()}
         if len(set(lengths.values())) > 1:
             raise DataError(
@@ -235,12 +235,17 @@ def quantities_of(
             column is not None and isinstance(column.column, int) and not columns_in(frame, name)
         )
         if column is not None and (numbered or columns_in(frame, str(column.column))):
-            own = column.unit or unit
+            unit_of_column = column.unit or unit
             values = column_of(
-                frame, column.column, "the frame", name, own, column.formats.get(column.column)
+                frame,
+                column.column,
+                "the frame",
+                name,
+                unit_of_column,
+                column.formats.get(column.column),
             )
             values = values * column.scale + column.offset
-            values_of[name] = convert(values, own, unit)
+            values_of[name] = convert(values, unit_of_column, unit)
         else:
             values_of[name] = column_of(frame, name, "the frame", name, unit)
     return values_of

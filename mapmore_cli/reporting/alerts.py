@@ -56,20 +56,20 @@ def alerts_of(
     - `search`: the structures that were tried, with notes on the choice.
     """
     outputs = list(zip(dataset.each, model.each, validation.each, strict=True))
-    found: list[tuple[str, str, str]] = []
-    for curves, own, scored in outputs:
+    alerts: list[tuple[str, str, str]] = []
+    for curves, model_of_output, scored in outputs:
         target = scored.scores[0].target if len(outputs) > 1 and scored.scores else ""
-        found += ((*alert, target) for alert in _of_output(curves, own, scored))
+        alerts += ((*alert, target) for alert in _of_output(curves, model_of_output, scored))
     if search:
-        found += (
+        alerts += (
             ("black box" if note == search.outdone else "search", note, "") for note in search.notes
         )
-    found += (("check", doubt, "") for doubt in doubts)
+    alerts += (("check", doubt, "") for doubt in doubts)
     if unconfirmed:
-        found.append(("unconfirmed", unconfirmed_sentence(len(unconfirmed)), ""))
+        alerts.append(("unconfirmed", unconfirmed_sentence(len(unconfirmed)), ""))
     ranks = [*ALERTS]
-    found.sort(key=lambda alert: ranks.index(alert[0]))
-    return tuple(Alert(kind, words, ALERTS[kind], of) for kind, words, of in dict.fromkeys(found))
+    alerts.sort(key=lambda alert: ranks.index(alert[0]))
+    return tuple(Alert(kind, words, ALERTS[kind], of) for kind, words, of in dict.fromkeys(alerts))
 
 
 def unconfirmed_sentence(count: int) -> str:
@@ -152,7 +152,7 @@ def _of_competitors(scores: Sequence[Score], unit: str) -> Iterator[tuple[str, s
     if ours is None:
         return
     better = [s for s in compared if s.rmse < (1 - EQUAL_WITHIN) * ours.rmse]
-    for score in sorted(better, key=lambda one: one.rmse):
+    for score in sorted(better, key=lambda score: score.rmse):
         errors = f"RMSE {score.rmse:.3g} against {ours.rmse:.3g} {unit}".rstrip()
         title = title_of(score.model)
         yield (

@@ -52,8 +52,8 @@ def _printed(name: str, inputs: ReportInputs) -> Printed:
         return Printed(title, (BLACK_BOX,))
     if model is not None and is_known(model):
         return Printed(title, (*rules(model), *model.notes), equations(model))
-    own = (name, f"{name} (static)", f"{name} (damping)")
-    fits = [fit for key, fit in inputs.validation.formulas.items() if key in own]
+    names = (name, f"{name} (static)", f"{name} (damping)")
+    fits = [fit for key, fit in inputs.validation.formulas.items() if key in names]
     lines = [
         line for fit in fits if literature.is_known(fit) for line in formula_equations(fit, {})
     ]

@@ -94,7 +94,7 @@ def explored(every: Sequence[ReportInputs]) -> Explored | None:
         if pieces is not None and pieces.segments:
             bare, more = bare_of(inputs.model)
             if module(f"{key}.pieces", bare, more):
-                texts = {one.id: one.text for one in inputs.equations}
+                texts = {equation.id: equation.text for equation in inputs.equations}
                 known["pieces"] = pieces_of(inputs.model, texts) | {"key": f"{key}.pieces"}
         outputs.append(known)
     if not code:
@@ -130,16 +130,16 @@ def _competitors(inputs: ReportInputs) -> dict[str, Model]:
     the same time step as the model.
     """
     model = inputs.model
-    known, steps = {one.name for one in model.inputs}, _steps_of(model)
+    known, steps = {quantity.name for quantity in model.inputs}, _steps_of(model)
     return {
-        name: one
-        for name, one in inputs.validation.models.items()
+        name: competitor
+        for name, competitor in inputs.validation.models.items()
         if name in inputs.models
-        and one.output == model.output
-        and is_known(one)
-        and not uncomputed_segments(one)
-        and {quantity.name for quantity in one.inputs} <= known
-        and _steps_of(one) <= steps
+        and competitor.output == model.output
+        and is_known(competitor)
+        and not uncomputed_segments(competitor)
+        and {quantity.name for quantity in competitor.inputs} <= known
+        and _steps_of(competitor) <= steps
     }
 
 
@@ -159,17 +159,24 @@ def bare_of(model: Model) -> tuple[Model, str]:
     A further member is the function `rejoin`, which replaces the functions of the curves.
     """
     body = model.body_of(Pieces)
-    free = [one.name for one in model.inputs if one.name != body.level]
+    free = [quantity.name for quantity in model.inputs if quantity.name != body.level]
     kept = {name: sides for name, sides in body.fusion.extrapolation.items() if name not in free}
     sides = kept | dict.fromkeys(free, ("continue", "continue"))
     bare = replace(model, body=body.joined(hold="none", extrapolation=sides), shape=None)
     functions = program_of(bare).functions
-    segments = iter(one.name for one in functions if one.note.startswith("the segment "))
-    curves = [one.name for one in functions if one.note.startswith("the curve ")]
+    segments = iter(
+        function.name for function in functions if function.note.startswith("the segment ")
+    )
+    curves = [function.name for function in functions if function.note.startswith("the curve ")]
     by_curve = [[next(segments) for _ in curve.segments] for curve in body.curves]
     names = "], [".join(map(", ".join, by_curve))
-    slopes = "], [".join(", ".join(f"{one}_slopes" for one in own) for own in by_curve)
-    courses = ", ".join(f"{name}: {_course(one.words)}" for name, one in TRANSITIONS.items())
+    slopes = "], [".join(
+        ", ".join(f"{segment}_slopes" for segment in segments_of_curve)
+        for segments_of_curve in by_curve
+    )
+    courses = ", ".join(
+        f"{name}: {_course(transition.words)}" for name, transition in TRANSITIONS.items()
+    )
     more = (
         f", segments: [[{names}]], slopes: [[{slopes}]], transitions: {{ {courses} }}, "
         f"rejoin: (f) => {{ [{', '.join(curves)}] = f; }}"
@@ -192,7 +199,7 @@ def pieces_of(model: Model, equations: Mapping[str, str]) -> dict[str, Any]:
     """
     body = model.body_of(Pieces)
     fusion = body.fusion
-    free = [one.name for one in model.inputs if one.name != body.level]
+    free = [quantity.name for quantity in model.inputs if quantity.name != body.level]
     sides = dict.fromkeys(free, ("continue", "continue")) | dict(fusion.extrapolation)
     cut = " or ".join(body.variables).replace("_", " ")
     return {
@@ -215,12 +222,12 @@ def pieces_of(model: Model, equations: Mapping[str, str]) -> dict[str, Any]:
                 "boundaries": [ends.tolist() for ends in curve.boundaries],
                 "segments": [
                     {
-                        "id": one.id,
-                        "cell": one.cell,
-                        "limits": dict(one.limits),
-                        "equation": equations.get(one.id, ""),
+                        "id": segment.id,
+                        "cell": segment.cell,
+                        "limits": dict(segment.limits),
+                        "equation": equations.get(segment.id, ""),
                     }
-                    for one in curve.segments
+                    for segment in curve.segments
                 ],
             }
             for curve in body.curves

@@ -45,15 +45,21 @@ def study_of(inputs: ReportInputs, key: str) -> dict[str, Any]:
     page finds the model. A model with memory gets a recording, every other model gets samples.
     """
     model, curves = inputs.model, inputs.dataset.curves
-    spans = {one.name: _span(curves, one.name) for one in model.inputs}
+    spans = {quantity.name: _span(curves, quantity.name) for quantity in model.inputs}
     signals = {
-        one.name: {"kind": one.kind, "of": one.of, "factor": one.factor * one.seconds}
-        for one in model.signals
+        signal.name: {
+            "kind": signal.kind,
+            "of": signal.of,
+            "factor": signal.factor * signal.seconds,
+        }
+        for signal in model.signals
     }
     along = inputs.along if inputs.along in model.inputs else next(iter(model.inputs), None)
     study = {
         "key": key,
-        "inputs": [_quantity(one, inputs) | _reach(*spans[one.name]) for one in model.inputs],
+        "inputs": [
+            _quantity(quantity, inputs) | _reach(*spans[quantity.name]) for quantity in model.inputs
+        ],
         "output": _quantity(model.output, inputs),
         "along": along.name if along else "",
         "memory": inputs.has_memory,
@@ -83,16 +89,16 @@ def _span(curves: Sequence[Curve], name: str) -> Ends:
     return (values.min(), values.max()) if values.size else (0.0, 1.0)
 
 
-def _quantity(one: Quantity, inputs: ReportInputs) -> dict[str, str]:
+def _quantity(quantity: Quantity, inputs: ReportInputs) -> dict[str, str]:
     """Return the name, title, unit and label of a quantity for the page. If a label of the user
     contains a formula, the default label is returned, because the script cannot typeset formulas.
     """
-    label = inputs.axis_label(one)
+    label = inputs.axis_label(quantity)
     return {
-        "name": one.name,
-        "title": one.name.replace("_", " "),
-        "unit": "" if one.unit in ("", "1") else one.unit,
-        "label": FigureStyle().axis_label(one) if "$" in label else label,
+        "name": quantity.name,
+        "title": quantity.name.replace("_", " "),
+        "unit": "" if quantity.unit in ("", "1") else quantity.unit,
+        "label": FigureStyle().axis_label(quantity) if "$" in label else label,
     }
 
 
@@ -129,7 +135,7 @@ def _swing(name: str, width: float) -> dict[str, Any]:
 
 def _numbers(values: Array) -> list[float | None]:
     """Round numbers to seven significant digits. A missing number becomes None."""
-    return [float(f"{one:.7g}") if np.isfinite(one) else None for one in values.tolist()]
+    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values.tolist()]
 
 
 def _samples(inputs: ReportInputs, spans: Mapping[str, Ends]) -> dict[str, Any]:
@@ -195,7 +201,7 @@ def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     of the first curve.
     """
     model, output = inputs.model, inputs.model.output.name
-    curve = next((one for one in curves if one.held_out.any()), curves[0])
+    curve = next((curve for curve in curves if curve.held_out.any()), curves[0])
     start = int(np.argmax(curve.held_out))  # this is 0 if no sample is held out
     columns = {name: column[start:] for name, column in curve.columns.items()}
     time, step = columns["time"], program_of(model).step
@@ -204,7 +210,7 @@ def _record(inputs: ReportInputs, curves: Sequence[Curve]) -> dict[str, Any]:
     grid = np.minimum(time[0] + step * np.arange(count), time[-1])
     known = columns[output][np.isfinite(columns[output])]
     rest = min(MOST_RESTING, round(REST / step))
-    names = [one.name for one in model.inputs]
+    names = [quantity.name for quantity in model.inputs]
     return {
         "name": f"{curve.id}{', held out' if curve.held_out.any() else ''}",
         "columns": {

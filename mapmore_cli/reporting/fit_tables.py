@@ -93,13 +93,13 @@ def _term_rows(segment: SegmentFit) -> Iterator[Cells]:
     chosen = segment.selection
     running = np.cumsum(chosen.err)
     for step, term in enumerate(segment.terms):
-        own, second = float(chosen.err[step]), int(chosen.runner_up[step])
+        err, second = float(chosen.err[step]), int(chosen.runner_up[step])
         rival, rival_err = None, math.nan
         if second >= 0:
             rival, rival_err = segment.candidates[second], float(chosen.err_all[step, second])
         stop = chosen.stop if step == len(segment.terms) - 1 else None
-        ours = (term, 100 * own, 100 * float(running[step]))
-        theirs = (rival, 100 * rival_err, 100 * (own - rival_err))
+        ours = (term, 100 * err, 100 * float(running[step]))
+        theirs = (rival, 100 * rival_err, 100 * (err - rival_err))
         yield segment.id, step + 1, *ours, *theirs, int(chosen.tied[step]) or None, stop
 
 
@@ -115,12 +115,12 @@ def coefficient_rows(
     """
     kept: dict[str, SegmentFunction | MemoryModel] = {}
     if model is not None and model.shape is not None:
-        kept = {one.id: one for one in (model.pieces.segments if model.pieces else ())}
-        kept.update((PIECE, one) for one in model.memories)
+        kept = {segment.id: segment for segment in (model.pieces.segments if model.pieces else ())}
+        kept.update((PIECE, memory) for memory in model.memories)
     for piece in fit.pieces:
         chosen = piece.selection
-        if own := kept.get(piece.id):
-            chosen = replace(chosen, theta=own.theta, theta_error=own.theta_error)
+        if function := kept.get(piece.id):
+            chosen = replace(chosen, theta=function.theta, theta_error=function.theta_error)
         for term, row in zip(piece.terms, chosen.table(), strict=True):
             width = half_width(row["standard_error"], chosen.freedom)
             yield piece, {**row, "term": term, "width": width}
@@ -158,7 +158,10 @@ MOST_NAMED = 12  # largest number of terms that a note names
 def outliers_table(outliers: Sequence[Outlier], unit: str) -> Table:
     """Return a table of the training samples that lie far from a robust fit, the farthest first."""
     columns = ("file", "place", "curve", f"measured − predicted [{unit}] .4g", "in scales .3g")
-    rows = ((one.file, one.place, one.curve, one.off, one.scales) for one in outliers)
+    rows = (
+        (outlier.file, outlier.place, outlier.curve, outlier.off, outlier.scales)
+        for outlier in outliers
+    )
     note = "They have a smaller weight in the fit. None is left out of the data or of the scores."
     return Table.of("outliers", "Samples far from the fit", columns, rows, note)
 
@@ -167,10 +170,12 @@ def formulas_table(inputs: ReportInputs) -> Table:
     """Return a table of the parameters of every fitted formula with their standard errors. A
     formula whose fit failed has one row without numbers.
     """
-    own, formulas = inputs.fit.formula, inputs.validation.formulas
+    own_formula, formulas = inputs.fit.formula, inputs.validation.formulas
     fitted = [(name, "competitor", formula) for name, formula in formulas.items()]
-    if own is not None:
-        fitted.insert(0, (own.name, "backbone" if inputs.has_pieces else "own model", own))
+    if own_formula is not None:
+        fitted.insert(
+            0, (own_formula.name, "backbone" if inputs.has_pieces else "own model", own_formula)
+        )
     columns = (
         Column("formula", form="model"),
         *("role", "status", "parameter", "value #.6g", "unit", "standard error .3g"),
@@ -210,11 +215,11 @@ def same_models(fitted: Sequence[tuple[str, FormulaFit]]) -> tuple[str, ...]:
     return tuple(
         f"{first} and {second} are one model here, in other parameters: their sums of squares "
         f"agree within {SAME:g}. Count them once."
-        for i, (first, one) in enumerate(known)
-        for second, other in known[i + 1 :]
-        if one.name != other.name
-        and one.samples == other.samples
-        and abs(one.sse - other.sse) <= SAME * one.sse
+        for i, (first, first_fit) in enumerate(known)
+        for second, second_fit in known[i + 1 :]
+        if first_fit.name != second_fit.name
+        and first_fit.samples == second_fit.samples
+        and abs(first_fit.sse - second_fit.sse) <= SAME * first_fit.sse
     )
 
 

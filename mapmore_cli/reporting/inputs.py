@@ -71,7 +71,7 @@ class FigureStyle:
         """Return True if the user gave this label in the spec. Only such a label may contain
         formulas between dollar signs.
         """
-        return any(label.endswith(own) for own in self.labels.values())
+        return any(label.endswith(label_of_user) for label_of_user in self.labels.values())
 
 
 @dataclass(frozen=True)
@@ -338,7 +338,11 @@ class ReportInputs:
             for curve in self.dataset.curves
             if words in (curve.id, curve.id.partition("=")[2], self.curve_label(curve))
         ]
-        logs = [one.id for one in self.dataset.recordings if words in (one.id, one.log)]
+        logs = [
+            recording.id
+            for recording in self.dataset.recordings
+            if words in (recording.id, recording.log)
+        ]
         return frozenset((*curves, *logs))
 
     def curve_label(self, curve: Curve) -> str:

@@ -62,10 +62,12 @@ def render_page(
     outputs with their figures. All texts of the user are escaped.
     """
     pages = ((inputs, figures), *others)
-    outputs = [_words_of(*own) for own in pages]
+    outputs = [_words_of(*page) for page in pages]
     for output in outputs[1:]:  # texts about the whole run are shown only once, at the first output
-        output["alerts"] = [one for one in output["alerts"] if one not in outputs[0]["alerts"]]
-    known = explored([own for own, _ in pages]) if inputs.explore else None
+        output["alerts"] = [
+            alert for alert in output["alerts"] if alert not in outputs[0]["alerts"]
+        ]
+    known = explored([output_inputs for output_inputs, _ in pages]) if inputs.explore else None
     texts, words = [joined("tables.js")], {"data": "", "uplot_css": ""}
     if known is not None:
         for output, study in zip(outputs, known.outputs, strict=True):
@@ -120,7 +122,7 @@ def write_report(
     """
     # the folder is an output of the stage, even if no file is requested
     out.mkdir(parents=True, exist_ok=True)
-    shown = [(one, _write_files(one, out, figures, formats)) for one in (inputs, *others)]
+    shown = [(output, _write_files(output, out, figures, formats)) for output in (inputs, *others)]
     if "html" in formats:
         _write_file(out / "index.html", render_page(*shown[0], shown[1:]))
 
@@ -207,7 +209,7 @@ def numbers_of(drawing: Drawing) -> str:
     to at most `MOST_NUMBERS` rows, and numbers have six significant digits.
     """
     blocks = []
-    for panel in (one for one in drawing.panels if one.data):
+    for panel in (panel for panel in drawing.panels if panel.data):
         columns = {name: np.asarray(values) for name, values in panel.data.items()}
         rows = evenly(len(next(iter(columns.values()))), MOST_NUMBERS)
         data: dict[str, Values] = {"panel": np.full(len(rows), panel.key, dtype=object)}

@@ -107,9 +107,9 @@ def _metrics(scores: Sequence[Score], unit: str) -> tuple[list[Column | str], li
     left out.
     """
     shown = {
-        one.heading: name
-        for name, one in MEASURES.items()
-        if one.heading and (one.shown is None or any(map(one.shown, scores)))
+        measure.heading: name
+        for name, measure in MEASURES.items()
+        if measure.heading and (measure.shown is None or any(map(measure.shown, scores)))
     }
     rows: list[Cells] = [(s.model, s.split, *cells_of(s, shown)) for s in scores]
     return [MODEL, "data", *with_unit(shown, unit)], rows
@@ -129,13 +129,13 @@ def scored(table: ScoreTable, dataset: Dataset) -> Quantity:
 
 def verdict_sentence(
     scores: Sequence[Score],
-    own: str,
+    model: str,
     target: Quantity,
     failed: Sequence[str] = (),
     alert: str = "",
     warnings: Sequence[str] = (),
 ) -> str:
-    """Return a sentence that compares the error of the model `own` with the smallest error of the
+    """Return a sentence that compares the error of the `model` with the smallest error of the
     other models, over all curves, on held-out data if there are any.
 
     `target` is the scored quantity. `failed` names the competitors without scores, because their
@@ -145,9 +145,9 @@ def verdict_sentence(
     """
     head = f"Alert: {alert}. " if alert else ""
     compared = deciding(scores)
-    ours = _known_score(compared, own)
+    ours = _known_score(compared, model)
     if ours is None:
-        return f"{head}{own} gave no prediction."
+        return f"{head}{model} gave no prediction."
     where = "on the held-out data"
     if ours.split == "train":
         where = (
@@ -160,7 +160,7 @@ def verdict_sentence(
         else ""
     )
     errors = f"an NRMSE of {_percent(ours.nrmse)} (RMSE {ours.rmse:.3g}{unit}{by_range})"
-    others = [s for s in compared if s.model not in (own, REPEATABILITY)]
+    others = [s for s in compared if s.model not in (model, REPEATABILITY)]
     floors = [
         f"; repeated measurements differ by {_percent(s.nrmse)}"
         for s in compared
@@ -174,7 +174,7 @@ def verdict_sentence(
     chosen = [
         f"{warning.split(':')[0]}; " for warning in warnings if warning.startswith(STRUCTURE_SEEN)
     ]
-    predicts = f"{own} predicts {target.name} with {errors} {where}; {comparison}"
+    predicts = f"{model} predicts {target.name} with {errors} {where}; {comparison}"
     return f"{''.join(chosen[:1])}{head}{predicts}{''.join(floors)}."
 
 
@@ -186,15 +186,15 @@ def _known_score(scores: Sequence[Score], model: str) -> Score | None:
 TRAINED = "was trained on held-out samples, and is"
 
 
-def short_verdict(table: ScoreTable, own: str) -> str:
-    """Return a line that compares the model `own` with the best other model. The line contains the
+def short_verdict(table: ScoreTable, model: str) -> str:
+    """Return a line that compares the `model` with the best other model. The line contains the
     errors of both.
     """
     compared, unit = deciding(table.scores), next(iter(table.units.values()), "")
-    ours = _known_score(compared, own)
+    ours = _known_score(compared, model)
     if ours is None:
         return "no prediction"
-    best = _best([s for s in compared if s.model not in (own, REPEATABILITY)])
+    best = _best([s for s in compared if s.model not in (model, REPEATABILITY)])
     word = "alone" if best is None else _word(ours, best)
     rows = [ours] if best is None else [ours, best]
     errors = (f"{title_of(s.model)} {_error(s, unit)}" for s in rows)
@@ -246,13 +246,13 @@ def _comparison(ours: Score, others: Sequence[Score], failed: Sequence[str]) -> 
     return f"{claim}: {ours.model} is {word}{ratio}"
 
 
-def pieces_sentence(scores: Sequence[Score], own: str, backbone: str) -> str:
-    """Return a sentence that compares the error of the model `own` with the error of its formula
+def pieces_sentence(scores: Sequence[Score], model: str, backbone: str) -> str:
+    """Return a sentence that compares the error of the `model` with the error of its formula
     alone (`backbone`), over all curves. Return an empty text if one of the two has no score.
     """
     errors = {score.model: score.rmse for score in deciding(scores)}
     alone = errors.get(backbone, errors.get("backbone", math.nan))
-    gain = 1 - errors.get(own, math.nan) / alone if alone else math.nan
+    gain = 1 - errors.get(model, math.nan) / alone if alone else math.nan
     if not math.isfinite(gain):
         return ""
     if gain > EQUAL_WITHIN:
@@ -304,7 +304,7 @@ def changes_table(comparison: Comparison) -> Table:
 def drift_table(names: Sequence[str], results: Sequence[Comparison]) -> Table:
     """Return a table that compares the first of the named models with each of the others."""
     later = zip(names[1:], results, strict=True)
-    rows = ((name, one.ratio, *one.interval, one.answer) for name, one in later)
+    rows = ((name, result.ratio, *result.interval, result.answer) for name, result in later)
     columns = (MODEL, "ratio .4f", "from .4f", "to .4f", "answer")
     return Table.of("drift", f"Every model against {names[0]}", columns, rows)
 
@@ -322,14 +322,19 @@ def search_table(search: Search) -> Table:
     }
     rows: list[Cells] = []
     marks = {"best": search.best, "chosen": search.chosen}
-    order = sorted(enumerate(search.tried), key=lambda one: (bool(one[1].failure), one[1].excess))
-    for number, one in order:
+    order = sorted(
+        enumerate(search.tried),
+        key=lambda numbered: (bool(numbered[1].failure), numbered[1].excess),
+    )
+    for number, structure in order:
         remark = ", ".join(mark for mark, place in marks.items() if place == number)
-        if one.family == "black box":
+        if structure.family == "black box":
             remark = "to compare with"
-        if one.failure:
-            remark = f"failed: {one.failure}"
-        rows.append((*cells_of(one, columns), one.parameters or None, one.seconds, remark))
+        if structure.failure:
+            remark = f"failed: {structure.failure}"
+        rows.append(
+            (*cells_of(structure, columns), structure.parameters or None, structure.seconds, remark)
+        )
     notes = (
         f"Left out in turn: {search.left_out}. Errors: RMSE / FS, FS = range of the training "
         f"samples = {search.scale:.4g}. Above the best: mean of the logarithm of the ratio over "

@@ -71,9 +71,9 @@ def all_tables(inputs: ReportInputs) -> tuple[Table, ...]:
 
 
 def _of_models(inputs: ReportInputs) -> Iterable[Table]:
-    own = inputs.validation
-    yield score_table(own.scores, own.units, inputs.published, inputs.failed)
-    yield tables.bands_table(own.bands, inputs.target.unit)
+    validation = inputs.validation
+    yield score_table(validation.scores, validation.units, inputs.published, inputs.failed)
+    yield tables.bands_table(validation.bands, inputs.target.unit)
 
 
 def _of_data(inputs: ReportInputs) -> Iterable[Table]:

@@ -38,17 +38,17 @@ def summary_table(fit: FitResult, model: Model, scores: ScoreTable, weighed: boo
     rows, unclear = list[Cells](), list[str]()
     notes, sizes = list[str](), list[str]()
     outputs = list(zip(fit.each, model.each, scores.each, strict=True))
-    for own, one, table in outputs:
-        prefix = f"{one.output.name}: " if len(outputs) > 1 else ""
-        for part, term, value, error, err, width in _fitted_numbers(own, one):
+    for output_fit, output_model, table in outputs:
+        prefix = f"{output_model.output.name}: " if len(outputs) > 1 else ""
+        for part, term, value, error, err, width in _fitted_numbers(output_fit, output_model):
             t = value / error if error else math.nan
             rows.append((f"{prefix}{part}", term, value, error, t, 100 * err))
             if width > abs(value):
                 unclear.append(f"{term} of {prefix}{part}")
-        if own.formula is not None:
-            notes += (own.formula.errors_note, *own.formula.notes)
-        notes += dict.fromkeys(piece.selection.errors_note for piece in own.pieces)
-        count, unit = parameters(one), one.output.unit
+        if output_fit.formula is not None:
+            notes += (output_fit.formula.errors_note, *output_fit.formula.notes)
+        notes += dict.fromkeys(piece.selection.errors_note for piece in output_fit.pieces)
+        count, unit = parameters(output_model), output_model.output.unit
         for row in table.scores:
             if (row.model, row.split, row.curve) == (OWN, "train", "all"):
                 size = f"n = {row.n} training samples, {count} parameters, RMSE {row.rmse:.4g}"

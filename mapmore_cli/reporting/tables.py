@@ -31,16 +31,20 @@ def recordings_table(dataset: Dataset) -> Table:
     """Return a table with a row for each recording: how many rows of its file were read, how many
     were kept, and how many were dropped for each reason.
     """
-    reasons = list(dict.fromkeys(reason for one in dataset.recordings for reason in one.dropped))
+    reasons = list(
+        dict.fromkeys(reason for recording in dataset.recordings for reason in recording.dropped)
+    )
     columns = ("recording", "file", "read", "kept")
     dropped = [Column(f"dropped: {reason}") for reason in reasons]
     rows: list[Cells] = []
     uneven = []
-    for one in dataset.recordings:
-        counts = [one.dropped.get(reason, 0) for reason in reasons]
-        rows.append((one.id, one.source, one.rows_read, one.rows_kept, *counts))
-        if one.rows_read != one.rows_kept + sum(counts):
-            uneven.append(one.id)
+    for recording in dataset.recordings:
+        counts = [recording.dropped.get(reason, 0) for reason in reasons]
+        rows.append(
+            (recording.id, recording.source, recording.rows_read, recording.rows_kept, *counts)
+        )
+        if recording.rows_read != recording.rows_kept + sum(counts):
+            uneven.append(recording.id)
     note = (
         "Resampled, so that kept and dropped rows do not add up to those read: "
         f"{', '.join(uneven)}."
@@ -102,8 +106,8 @@ def pieces_table(equations: Sequence[Equation], title: str) -> Table:
     """Return a table from which the model can be computed by hand: every piece with its weight and
     its equation.
     """
-    rows = [(one.id, one.weight or None, one.text) for one in equations]
-    if any(one.weight for one in equations):
+    rows = [(equation.id, equation.weight or None, equation.text) for equation in equations]
+    if any(equation.weight for equation in equations):
         return Table.of("pieces", title, ("piece", "weight", "equation"), rows)
     return Table.of("pieces", title, ("piece", "equation"), [(row[0], row[2]) for row in rows])
 
@@ -114,11 +118,11 @@ def limits_tables(model: Model) -> Iterator[Table]:
     because they have the same ranges.
     """
     several = len(model.each) > 1
-    for number, one in enumerate(model.each[:1] if several else model.every):
-        ranges: Sequence[CurveRange] = getattr(one.body, "ranges", ())
-        units = {quantity.name: quantity.unit for quantity in one.inputs}
+    for number, part in enumerate(model.each[:1] if several else model.every):
+        ranges: Sequence[CurveRange] = getattr(part.body, "ranges", ())
+        units = {quantity.name: quantity.unit for quantity in part.inputs}
         names = [name for name in ranges[0].limits if name in units] if ranges else []
-        level = [Column("level", units[one.level], ".9g")] if one.level else []
+        level = [Column("level", units[part.level], ".9g")] if part.level else []
         ends = [Column(f"{name} {end}", units[name], ".6g") for name in names for end in FROM_TO]
         rows = [
             (
@@ -128,8 +132,8 @@ def limits_tables(model: Model) -> Iterator[Table]:
             )
             for curve in ranges
         ]
-        title = "Limits: the ranges in which the model was trained" + f" ({one.name})" * (
-            one is not model and not several
+        title = "Limits: the ranges in which the model was trained" + f" ({part.name})" * (
+            part is not model and not several
         )
         if names:
             yield Table.of(
@@ -142,10 +146,19 @@ def shape_table(inputs: ReportInputs) -> Table:
     much the model violates this shape, and the ranges in which the shape changed the coefficients.
     """
     unit, shape = inputs.model.output.unit, inputs.model.shape
-    known = {(one.quantity, one.word): one for one in (shape.kept if shape else ())}
+    known = {
+        (condition.quantity, condition.word): condition
+        for condition in (shape.kept if shape else ())
+    }
     rows: list[Cells] = []
-    for one in inputs.violations:
-        row = (one.asked.quantity, one.asked.word, one.amount, 100 * one.share, one.place or None)
+    for violation in inputs.violations:
+        row = (
+            violation.asked.quantity,
+            violation.asked.word,
+            violation.amount,
+            100 * violation.share,
+            violation.place or None,
+        )
         kept = known.get(row[:2])
         places = kept.binds.items() if kept else ()
         binds = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in places)
@@ -184,13 +197,13 @@ def equations_table(
         Column(name, form="source")
         for name in ("latex", *(f"latex {words}" for words in with_units))
     ]
-    weight = ("weight",) if any(one.weight for one in equations) else ()
+    weight = ("weight",) if any(equation.weight for equation in equations) else ()
     rows = (
         (
             same[0].id,
             *[same[0].weight] * len(weight),
-            *(one.text for one in same),
-            *(one.latex for one in same),
+            *(equation.text for equation in same),
+            *(equation.latex for equation in same),
         )
         for same in zip(equations, *others.values(), strict=True)
     )

@@ -144,12 +144,12 @@ def scratch_folder() -> Iterator[Path]:
 def _clear_abandoned(path: Path) -> None:
     """Remove the unfinished files and folders for `path` that no process has locked."""
     name = re.compile(rf"{re.escape(TEMPORARY)}[0-9a-f]{{12}}-{re.escape(path.name)}", re.DOTALL)
-    found = list[str]()
+    abandoned = list[str]()
     # if the folder cannot be listed, nothing is removed, but it may still be possible to write in
     # it
     with suppress(OSError):
-        found = list(filter(name.fullmatch, os.listdir(path.parent)))  # noqa: PTH208
-    for left in (path.parent / entry for entry in found):
+        abandoned = list(filter(name.fullmatch, os.listdir(path.parent)))  # noqa: PTH208
+    for left in (path.parent / entry for entry in abandoned):
         if (handle := _locked(left, patient=False)) is not None:
             try:
                 with suppress(OSError):  # files that belong to another user cannot be removed
@@ -273,8 +273,8 @@ def refusals_told(folder: Path) -> Iterator[None]:
         ours = place == folder or folder in place.parents or place in folder.parents
         if fault.errno in _FULL or (fault.errno in _REFUSED and ours):
             room = "make room on the disk, or " if fault.errno in _FULL else ""
-            what = f"{place}: cannot be written ({os.strerror(fault.errno or 0)})"
-            raise WriteError(what, f"{room}choose another folder with --runs or -o") from fault
+            message = f"{place}: cannot be written ({os.strerror(fault.errno or 0)})"
+            raise WriteError(message, f"{room}choose another folder with --runs or -o") from fault
         raise
 
 

@@ -62,7 +62,7 @@ def contents_of(run_dir: Path, rehash: bool = False) -> Contents:
     known = written_files(run_dir)
     folders = {parent.as_posix() for path in known for parent in PurePosixPath(path).parents}
     named = run_dir.parent / (recorded_name(run_dir) or "")
-    own, others = list[str](), list[str]()
+    own_files, others = list[str](), list[str]()
 
     def is_own(place: Path, path: str) -> bool:
         if UNFINISHED.fullmatch(path):
@@ -80,14 +80,14 @@ def contents_of(run_dir: Path, rehash: bool = False) -> Contents:
             path = place.relative_to(run_dir).as_posix()
             known_folder = path.removeprefix(ASIDE) in folders and not (place / RUN_RECORD).exists()
             if place.is_symlink() or (place.is_dir() and not known_folder):
-                (own if _is_left(place, path) else others).append(path)
+                (own_files if _is_left(place, path) else others).append(path)
             elif place.is_dir():
                 look(place)
             else:
-                (own if place.is_file() and is_own(place, path) else others).append(path)
+                (own_files if place.is_file() and is_own(place, path) else others).append(path)
 
     look(run_dir)
-    return Contents(tuple(own), tuple(others))
+    return Contents(tuple(own_files), tuple(others))
 
 
 def _is_left(place: Path, path: str) -> bool:
@@ -95,14 +95,14 @@ def _is_left(place: Path, path: str) -> bool:
     return bool(UNFINISHED.fullmatch(path)) and not place.is_symlink()
 
 
-def remove_own(run_dir: Path, own: Sequence[str], now: bool) -> None:
+def remove_own(run_dir: Path, own_files: Sequence[str], now: bool) -> None:
     """Move the files of a run to the trash, or delete them if `now` is True. Then remove the
     folders of the run that are empty.
 
     The record is removed last. If the process is interrupted before, the remaining files can still
     be recognised as a run and removed.
     """
-    paths = sorted(own, key=lambda path: (path == RUN_RECORD, path))
+    paths = sorted(own_files, key=lambda path: (path == RUN_RECORD, path))
     paths = [path for path in paths if path != LOCK]
     if now:
         for path in paths:
@@ -178,8 +178,8 @@ def _below(folder: Path) -> Iterator[Path]:
         yield from (place for name in folders if (place := Path(parent) / name).is_symlink())
 
 
-def is_same(one: Path, other: Path) -> bool:
+def is_same(first: Path, second: Path) -> bool:
     """Return True if both paths are files with the same bytes, and not links."""
-    if any(place.is_symlink() or not place.is_file() for place in (one, other)):
+    if any(place.is_symlink() or not place.is_file() for place in (first, second)):
         return False
-    return cmp(one, other, shallow=False)
+    return cmp(first, second, shallow=False)

@@ -148,9 +148,9 @@ def run_lock(run_dir: Path, patient: bool = False) -> Iterator[None]:
         raise WriteError(f"{run_dir}: another process is writing this run", remedy) from None
     # the file system, for example of a network drive, may not support locks
     except (OSError, NotImplementedError) as fault:
-        what = getattr(fault, "strerror", None) or "its file system has no locks"
+        reason = getattr(fault, "strerror", None) or "its file system has no locks"
         raise WriteError(
-            f"{run_dir}: cannot be locked ({what})", "choose a local folder with --runs"
+            f"{run_dir}: cannot be locked ({reason})", "choose a local folder with --runs"
         ) from fault
     try:
         yield

@@ -74,13 +74,14 @@ class Stamp:
         return all(a == b for a, b in (size, mtime_ns)) and all(a in (0, b) for a, b in rest)
 
 
-def refuse_newer(path: Path, found: str, known: str) -> None:
-    """Raise DataError if the format version of a file, `found`, is not a version number, or if its
-    major number is larger than that of `known`, the version that this program reads.
+def refuse_newer(path: Path, file_version: str, known: str) -> None:
+    """Raise DataError if the format version of a file, `file_version`, is not a version
+    number, or if its major number is larger than that of `known`, the version that this
+    program reads.
     """
-    shown = shortened(found)
+    shown = shortened(file_version)
     try:
-        major = int(found.split(".")[0])
+        major = int(file_version.split(".")[0])
     except ValueError:
         raise DataError(
             f"{path}: has the unreadable format version {shown!r}",
@@ -290,12 +291,12 @@ def written_files(run_dir: Path) -> dict[str, Stamp]:
     try:
         document = read_json(run_dir / RUN_RECORD)
         refuse_newer(run_dir / RUN_RECORD, str(document["format_version"]), FORMAT_VERSION)
-        found = _FILES.validate_python(document.get("files", {}))
+        stamps = _FILES.validate_python(document.get("files", {}))
         for record in _STAGES.validate_python(document["stages"]).values():
-            found |= record.outputs
+            stamps |= record.outputs
     except (*DAMAGE, DataError):
         return {}
-    return found
+    return stamps
 
 
 def recorded_name(run_dir: Path) -> str | None:

@@ -60,9 +60,9 @@ def read_scores(path: Path) -> ScoreTable:
     try:
         return scores_in(read_json(path))
     except DAMAGE as error:
-        what = f"no table of scores: {type(error).__name__}: {error}"
+        problem = f"no table of scores: {type(error).__name__}: {error}"
         raise DataError(
-            f"{path}: {what}", "run `mapmore validate SPEC --force`, which writes it again"
+            f"{path}: {problem}", "run `mapmore validate SPEC --force`, which writes it again"
         ) from error
 
 

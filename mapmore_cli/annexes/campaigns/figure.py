@@ -43,11 +43,15 @@ def campaign_figures(scores: CampaignScores) -> list[Drawing]:
     every = [*pooled]
     if len(every) < 2:
         return []
-    own = {run: by_model[OWN].nrmse for run, by_model in pooled.items() if OWN in by_model}
-    best = min((run for run in own if np.isfinite(own[run])), key=own.__getitem__, default="")
+    nrmse_of_run = {run: by_model[OWN].nrmse for run, by_model in pooled.items() if OWN in by_model}
+    best = min(
+        (run for run in nrmse_of_run if np.isfinite(nrmse_of_run[run])),
+        key=nrmse_of_run.__getitem__,
+        default="",
+    )
     shown = {best, *(every[place] for place in panels.evenly(len(every), MOST_RUNS))}
     runs = [run for run in every if run in shown]
-    exact = [run for run in runs if own.get(run, np.nan) <= ROUNDING]
+    exact = [run for run in runs if nrmse_of_run.get(run, np.nan) <= ROUNDING]
     models = [*filter(None, dict.fromkeys([OWN, scores.relative_to, BEST_OTHER, REPEATABILITY]))]
     rows = []
     for run in runs:

@@ -171,7 +171,7 @@ def _ratios(scores: CampaignScores, model: str, relative_to: str) -> tuple[Cell,
     """
     both = [run for run in scores.pooled.values() if {model, relative_to} <= run.keys()]
     pairs = [(_known(run[model].rmse), run[relative_to].rmse) for run in both]
-    ratios = [own / other for own, other in pairs if other > 0]
+    ratios = [error / other for error, other in pairs if other > 0]
     if model == REPEATABILITY or not ratios:
         return None, None, None
     mean = math.exp(sum(map(math.log, ratios)) / len(ratios)) if min(ratios) > 0 else None

@@ -93,8 +93,8 @@ class Answers:
         the list of columns that `init` prints for one layout.
         """
         named = [*self.columns.values(), *self.target.values(), *(self.inputs or {}).values()]
-        said = [str(one.column) for one in named] + [*self.recordings, self.group or ""]
-        return any(re.fullmatch(r"\d+(\.\.\d+)?", text) for text in said)
+        texts = [str(column.column) for column in named] + [*self.recordings, self.group or ""]
+        return any(re.fullmatch(r"\d+(\.\.\d+)?", text) for text in texts)
 
 
 def answers_of(**options: str | bool | None) -> Answers:
@@ -164,7 +164,9 @@ def read_names(option: str, text: str) -> Named:
     def shown(part: str) -> str:
         return titles[ord(part) - _HIDDEN] if part and ord(part[0]) >= _HIDDEN else part
 
-    for place, entry in enumerate(one.strip() for one in _COMMA.split(_QUOTED.sub(hide, text))):
+    for place, entry in enumerate(
+        entry_text.strip() for entry_text in _COMMA.split(_QUOTED.sub(hide, text))
+    ):
         if entry in ("", "_", "-"):
             continue
         name, column = _read_entry(option, entry)
@@ -201,7 +203,7 @@ def _read_entry(option: str, entry: str) -> tuple[str, NamedColumn]:
     """
     parts = _ENTRY.fullmatch(entry)
     written, unit = (entry, "") if parts is None else parts.groups()
-    name, equals, where = (one.strip() for one in written.partition("="))
+    name, equals, where = (part.strip() for part in written.partition("="))
     match = _UNIT.fullmatch(unit.strip())
     assert match is not None  # everything matches
     try:

@@ -14,7 +14,7 @@ from mapmore_cli.domain.errors import UsageError
 from mapmore_cli.study.units import CANONICAL
 
 
-def named_by_person(said: Named, table: Table, option: str, known: Named) -> Named:
+def named_by_person(named: Named, table: Table, option: str, known: Named) -> Named:
     """Return the columns that a person names, by quantity. The name of the quantity is a known one,
     one that the person gives, or one that is made from the title.
 
@@ -22,25 +22,25 @@ def named_by_person(said: Named, table: Table, option: str, known: Named) -> Nam
     that the model uses for the quantity.
     """
     columns: Named = {}
-    names = {one.column: name for name, one in known.items()}
-    for name, one in _each(said, table, option).items():
-        is_named = option == "--columns" or not one.refers_to(name)
-        wanted = known[name].column if name in known and not is_named else one.column
+    names = {column.column: name for name, column in known.items()}
+    for name, entry in _each(named, table, option).items():
+        is_named = option == "--columns" or not entry.refers_to(name)
+        wanted = known[name].column if name in known and not is_named else entry.column
         titled = find(table, wanted, option)
         if not is_named:
             is_title = name in CANONICAL and name not in known and words(titled.title)[:1] == [name]
             name = name if is_title else names.get(titled.column, titled.name)
         usual = titled.as_quantity(name) if is_named else known.get(name, titled.as_quantity(name))
-        chosen = one if is_named or one.unit else usual
+        chosen = entry if is_named or entry.unit else usual
         unit = chosen.unit or usual.unit
-        sure = usual.sure or bool(one.unit) or option == "--columns"
+        sure = usual.sure or bool(entry.unit) or option == "--columns"
         values = [chosen.scale * x + chosen.offset for x in titled.values]
         why = f"you; {range_of(values, unit)}" if sure else usual.why
         columns[name] = replace(chosen, column=titled.column, unit=unit, sure=sure, why=why)
     return columns
 
 
-def _each(said: Named, table: Table, option: str) -> Named:
+def _each(named: Named, table: Table, option: str) -> Named:
     """Return the columns named by a person. A pattern of titles such as `s*`, and a range of
     numbers in the list such as `7..70`, are replaced by all columns that they match and whose
     values change. The time is never among these columns.
@@ -49,9 +49,11 @@ def _each(said: Named, table: Table, option: str) -> Named:
     columns and the person gives them one common name.
     """
     each: Named = {}
-    titles = {one.column for one in table.values()} | {one.title for one in table.values()}
-    for name, one in said.items():
-        wanted, members = one.column, list[TitledColumn]()
+    titles = {column.column for column in table.values()} | {
+        column.title for column in table.values()
+    }
+    for name, entry in named.items():
+        wanted, members = entry.column, list[TitledColumn]()
         numbers = re.fullmatch(r"(\d+)\.\.(\d+)", str(wanted))
         if numbers is not None:
             low, high = sorted(map(int, numbers.groups()))
@@ -60,10 +62,10 @@ def _each(said: Named, table: Table, option: str) -> Named:
             likeness = re.compile(re.escape(wanted).replace(r"\*", ".*").replace(r"\?", "."), re.I)
             members = [x for x in table.values() if x.moves and likeness.fullmatch(x.called)]
         else:
-            each[name] = one
+            each[name] = entry
             continue
         members = [x for x in members if not x.is_time]
-        if not members or (one.is_called and len(members) > 1):
+        if not members or (entry.is_called and len(members) > 1):
             several = (
                 f"{len(members)} columns whose values change are"
                 if members
@@ -72,8 +74,8 @@ def _each(said: Named, table: Table, option: str) -> Named:
             remedy = ", ".join(x.called for x in members or table.values() if x.values)
             raise UsageError(f"{option}: {several} called {wanted}", f"name one of these: {remedy}")
         for x in members:
-            key = name if one.is_called else str(x.column)
-            each[key] = replace(one, column=x.column)
+            key = name if entry.is_called else str(x.column)
+            each[key] = replace(entry, column=x.column)
     return each
 
 
@@ -87,20 +89,24 @@ def refuse_choice(table: Table, where: str, path: str, is_map: bool) -> UsageErr
     clock, question, time, more = _clock_among(columns, table)
     remarks = {clock: question}
     *drive, follow = [place for place in columns if place != clock] or [0]
-    apart = next((one for one in table.values() if one.blocks), None)
+    apart = next((column for column in table.values() if column.blocks), None)
     if apart is not None:
         more += f" --recordings {apart.asked_for}"
         remarks[apart.place] = "constant in blocks of rows: is each block a recording?"
-        columns = {one.place: one for one in table.values() if one is apart or one.place in columns}
+        columns = {
+            column.place: column
+            for column in table.values()
+            if column is apart or column.place in columns
+        }
     how = (
         f"mapmore init {path} --target ... --inputs ...{more}  (titles, or numbers of the list)"
-        if any(one.title for one in table.values())
+        if any(column.title for column in table.values())
         else f"mapmore init {path} --target force={follow}:N --inputs "
         f"pressure={drive[-1] if drive else follow}:bar{time}{more}  (numbers of the list)"
     )
     rows = [
-        f"  {place}  {one.described}" + (f"  {remarks[place]}" if place in remarks else "")
-        for place, one in columns.items()
+        f"  {place}  {column.described}" + (f"  {remarks[place]}" if place in remarks else "")
+        for place, column in columns.items()
     ]
     heading = (
         f"{where}: the titles do not say which column is to be predicted. Columns that change:"
@@ -117,14 +123,14 @@ def _clock_among(
     For a clock, the first text is a further input, such as `,time=3:s`. For a column that counts
     the rows, the second text is ` --sample-time 10ms`. A text that does not apply is empty.
     """
-    has_clock = any(one.is_time for one in table.values())
+    has_clock = any(column.is_time for column in table.values())
     # if there are only two columns, these are the input and the target, so none is a clock
-    for place, one in columns.items() if len(columns) > 2 else ():
-        if one.counts and not (one.unit or has_clock):
+    for place, column in columns.items() if len(columns) > 2 else ():
+        if column.counts and not (column.unit or has_clock):
             how_long = "counts the rows: how long is the time between them?"
             return place, how_long, "", " --sample-time 10ms"
-        if one.may_be_clock:
-            time = f",time={place}:{unit_of_clock(one.values)}"
+        if column.may_be_clock:
+            time = f",time={place}:{unit_of_clock(column.values)}"
             return place, "always increases: is it a clock?", time, ""
     return None, "", "", ""
 
@@ -133,7 +139,7 @@ def _refuse_map(table: Table, where: str, path: str) -> UsageError:
     """Return the error for a map, that is, a table of values over two quantities. A map
     contains no names of quantities.
     """
-    row, column, cell = (range_of(one.values) for one in table.values())
+    row, column, cell = (range_of(titled.values) for titled in table.values())
     return UsageError(
         f"{where}: is a map of values over two quantities, but nothing in it says what was "
         f"measured. The first column (`row`) has {row}, the first line (`column`) has {column}, "

@@ -40,50 +40,52 @@ def known_by_titles(table: Table) -> Known:
     clock but is not the time are left out.
     """
     columns: Named = {}
-    clocks = (one for one in table.values() if one.is_time and one.rises and not one.turn)
+    clocks = (
+        column for column in table.values() if column.is_time and column.rises and not column.turn
+    )
     if parts := clock_in_parts(table):
         why = "titles: a clock in parts, which are added"
         columns["time"] = NamedColumn(next(iter(parts)), why=why, parts=parts)
     elif (clock := next(clocks, None)) is not None:
         columns["time"] = clock.as_quantity("time")
     used = columns["time"].places if columns else set()
-    rest = [one for one in table.values() if one.column not in used]
-    left_out = {one.column: why for one in rest if (why := _why_unused(one, bool(used)))}
-    left_out |= _copies([one for one in rest if one.column not in left_out])
-    kept = [one for one in rest if one.column not in left_out]
+    rest = [column for column in table.values() if column.column not in used]
+    left_out = {column.column: why for column in rest if (why := _why_unused(column, bool(used)))}
+    left_out |= _copies([column for column in rest if column.column not in left_out])
+    kept = [column for column in rest if column.column not in left_out]
     quantities = _plain_names(kept)
-    for one in kept:
-        name = quantities.get(one.column, one.name)
-        name = f"column_{one.place}" if name in {*columns, "time"} else name
-        columns[name] = one.as_quantity(name)
+    for column in kept:
+        name = quantities.get(column.column, column.name)
+        name = f"column_{column.place}" if name in {*columns, "time"} else name
+        columns[name] = column.as_quantity(name)
     return columns, left_out
 
 
-def _why_unused(one: TitledColumn, has_clock: bool) -> str:
+def _why_unused(column: TitledColumn, has_clock: bool) -> str:
     """Return the reason why a column is no quantity of the study; empty if it may be a quantity."""
-    if not one.values:
-        return one.unread or "holds no numbers"
-    if not one.moves:
+    if not column.values:
+        return column.unread or "holds no numbers"
+    if not column.moves:
         return "never changes"
-    if one.is_time and (turn := one.turn) and not has_clock:
+    if column.is_time and (turn := column.turn) and not has_clock:
         return (
             f"restarts from zero at {turn:g}; if it is the clock, write `unwrap: {turn:g}` at "
             "`time`"
         )
-    if one.quantity == "time" or (one.is_time and has_clock):
+    if column.quantity == "time" or (column.is_time and has_clock):
         if has_clock:
             return "is a second clock"
-        repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in one.values)
-        back = "runs backwards" if one.falls else "its clock is set back"
+        repeats = any(2 * np.count_nonzero(np.diff(x)) < len(x) - 1 for x in column.values)
+        back = "runs backwards" if column.falls else "its clock is set back"
         return "repeats most of its values, unlike a clock" if repeats else back
-    if one.may_be_clock:
-        unit = unit_of_clock(one.values)
-        return f"always increases; if it is the clock, name it as `time={one.place}:{unit}`"
-    if _NO_MEASUREMENT & {*words(one.title)}:
+    if column.may_be_clock:
+        unit = unit_of_clock(column.values)
+        return f"always increases; if it is the clock, name it as `time={column.place}:{unit}`"
+    if _NO_MEASUREMENT & {*words(column.title)}:
         return "was computed, as its title says"
-    if one.blocks and any(map(is_repeat, words(one.title))):
+    if column.blocks and any(map(is_repeat, words(column.title))):
         return "numbers recordings or specimens; name it with --inputs to use it"
-    return "counts its rows" if not one.quantity and one.counts else ""
+    return "counts its rows" if not column.quantity and column.counts else ""
 
 
 def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
@@ -93,21 +95,21 @@ def _copies(columns: Sequence[TitledColumn]) -> dict[Column, str]:
     names another kind of quantity.
     """
     copies: dict[Column, str] = {}
-    for family in same_signals([np.concatenate(one.values) for one in columns]):
+    for family in same_signals([np.concatenate(column.values) for column in columns]):
         members = [columns[place] for place in family]
         best = min(members, key=_silence)
-        for one in members:
-            if one is not best and one.kind in ("", best.kind):
-                copies[one.column] = f"is a linear function of {best.called}"
+        for member in members:
+            if member is not best and member.kind in ("", best.kind):
+                copies[member.column] = f"is a linear function of {best.called}"
     return copies
 
 
-def _silence(one: TitledColumn) -> tuple[bool, bool, bool, int]:
+def _silence(column: TitledColumn) -> tuple[bool, bool, bool, int]:
     """Return a sort key for columns: the key is smaller for a title that gives more information.
     Among positions, strain comes first.
     """
-    rank = POSITIONS.index(one.quantity) if one.quantity in POSITIONS else 0
-    return not one.quantity, not one.unit, not one.plain, rank
+    rank = POSITIONS.index(column.quantity) if column.quantity in POSITIONS else 0
+    return not column.quantity, not column.unit, not column.plain, rank
 
 
 def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
@@ -116,25 +118,27 @@ def _plain_names(columns: Sequence[TitledColumn]) -> dict[Column, str]:
     """
     names: dict[Column, str] = {}
     for quantity in KINDS:
-        ranks = {one.column: _plainness(one) for one in columns if one.quantity == quantity}
+        ranks = {
+            column.column: _plainness(column) for column in columns if column.quantity == quantity
+        }
         best = [column for column, rank in ranks.items() if rank == max(ranks.values()) > 0]
         if len(best) == 1:
             names[best[0]] = quantity
     if "force" not in names.values():  # people who test materials call the force a load
-        names = {one: "force" if name == "load" else name for one, name in names.items()}
+        names = {column: "force" if name == "load" else name for column, name in names.items()}
     return names
 
 
-def _plainness(one: TitledColumn) -> int:
+def _plainness(column: TitledColumn) -> int:
     """Return how plainly a title names its quantity, as a number. The number is 2 if the title
     contains only the quantity, and 1 if the title contains other words and a suitable unit.
     Otherwise, the number is 0, for example for a single letter among other words, or for an `x`
     without a unit.
     """
-    if one.plain:
-        return 0 if not one.unit and one.quantity in ("displacement", "length") else 2
-    bare = read_label(_LETTER.sub("", one.title))
-    return int(bool(one.unit) and bare is not None and bare.quantity == one.quantity)
+    if column.plain:
+        return 0 if not column.unit and column.quantity in ("displacement", "length") else 2
+    bare = read_label(_LETTER.sub("", column.title))
+    return int(bool(column.unit) and bare is not None and bare.quantity == column.quantity)
 
 
 def target_of(kinds: Mapping[str, str], is_driven: bool) -> str | None:

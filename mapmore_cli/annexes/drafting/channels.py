@@ -59,7 +59,7 @@ def command_for_one_table(folder: Path) -> str | None:
     if len(channels) < 2 or (channels[0].delimiter and not channels[0].has_title):
         return None
     # files with equal titles are recordings of one channel
-    if channels[0].has_title and len({one.title for one in channels}) < len(channels):
+    if channels[0].has_title and len({channel.title for channel in channels}) < len(channels):
         return None
     return _pasted(channels, f"{folder.resolve().name}.csv")
 
@@ -91,12 +91,12 @@ def _pasted(channels: Sequence[Channel], table: str) -> str:
     first, *others = channels
     # without `-d`, `paste` and `cut` separate columns by tabs
     mark = "" if first.delimiter in ("", "\t") else f" -d{quote(first.delimiter)}"
-    names = [quote(str(one.path)) for one in others]
+    names = [quote(str(channel.path)) for channel in others]
     rest = [f"<(cut{mark} -f2 {name})" for name in names] if first.delimiter else names
     pasted = " ".join([f"paste{mark}", quote(str(first.path)), *rest])
     if not first.has_title:
-        titles = "\\t".join(stem_of(one.path.name) for one in channels)
+        titles = "\\t".join(stem_of(channel.path.name) for channel in channels)
         pasted = f"(printf '%b\\n' {quote(titles)}; {pasted})"
-    if any(b"\r" in head_of(one.path) for one in channels):
+    if any(b"\r" in head_of(channel.path) for channel in channels):
         pasted = f"{pasted} | tr -d '\\r'"
     return f"{pasted} > {quote(table)}"

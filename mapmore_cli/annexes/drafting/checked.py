@@ -77,16 +77,17 @@ def with_few_files(draft: Draft, folder: Path) -> tuple[Draft, int]:
     drawn = [*dict.fromkeys([*first.values(), *shuffled])][:MOST]
     entries: list[Section] = [
         {
-            "path": one.name,
-            "id": one.id,
-            "sheet": one.sheet,
-            "table": one.table_below,
-            "set": dict(one.constants),
+            "path": source.name,
+            "id": source.id,
+            "sheet": source.sheet,
+            "table": source.table_below,
+            "set": dict(source.constants),
             "columns": {
-                name: column.model_dump(exclude_unset=True) for name, column in one.columns.items()
+                name: column.model_dump(exclude_unset=True)
+                for name, column in source.columns.items()
             },
         }
-        for one in (sources[at] for at in sorted(drawn))
+        for source in (sources[at] for at in sorted(drawn))
     ]
     few = draft.with_data("files", entries)
     held_out = draft.data.get("split", {}).get("validate", {})

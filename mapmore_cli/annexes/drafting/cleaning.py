@@ -52,15 +52,15 @@ def cleaned(draft: Draft, folder: Path, target: str) -> tuple[Draft, Sequence[Re
         cut = draft.with_data("gaps", RESET, why)
         ways = [cut, *ways, cut.with_data("skip_bad_files", True)]
         if "join" not in draft.data:
-            others = {key: one for key, one in columns.items() if key != "time"}
+            others = {key: column for key, column in columns.items() if key != "time"}
             why = f"time is left out: {first.message}"
             bare = draft.with_data("columns", others, why, False)
             ways += [bare, bare.with_data("skip_bad_files", True)]
     for way in ways:
         with suppress(DataError):
-            found, recordings, is_most = _read_tolerantly(way, folder, target)
+            dataset, recordings, is_most = _read_tolerantly(way, folder, target)
             if is_most or way is ways[-1]:
-                return found, recordings
+                return dataset, recordings
     raise first
 
 
@@ -81,12 +81,12 @@ def _read_tolerantly(
     if draft.data.get("skip_bad_files") is True:
         sources = find_sources(Data.model_validate(draft.data).files, folder, bad=True)
         names = dict.fromkeys(source.name for source in sources)
-        read = {one.source for one in dataset.recordings}
+        read = {recording.source for recording in dataset.recordings}
         bad = [name for name in names if name not in read]
         why = "; ".join(warning for warning in dict.fromkeys(warnings) if BAD in warning)
         draft = draft.with_data("skip_bad_files", bad, why, False)
         is_most = 2 * len(read) >= len(names)
-    hidden = tuple(one for one in dict.fromkeys(warnings) if " hidden " in one)
+    hidden = tuple(warning for warning in dict.fromkeys(warnings) if " hidden " in warning)
     return _with_losses(replace(draft, tips=hidden), dataset), dataset.recordings, is_most
 
 
@@ -95,7 +95,7 @@ def _with_losses(draft: Draft, dataset: Dataset) -> Draft:
     keys `missing`, `repeated_time` and `glitches` are removed if the recordings do not need them.
     Cells and time stamps of a joined log are not counted.
     """
-    dropped = sum((Counter(one.dropped) for one in dataset.recordings), Counter[str]())
+    dropped = sum((Counter(recording.dropped) for recording in dataset.recordings), Counter[str]())
     repeats = (re.search(rf": (\d+) {REPEATS}", note) for note in dataset.notes)
     losses = {
         "missing": (dropped["missing value"], "rows have an empty cell"),

@@ -118,10 +118,10 @@ class TitledColumn:
         seldom repeats a value.
         """
         return self.moves and all(
-            len(one) > 1
-            and np.mean(np.diff(one) < 0) <= MOST_GLITCHES
-            and 2 * np.count_nonzero(np.diff(one)) >= len(one) - 1
-            for one in self.values
+            len(x) > 1
+            and np.mean(np.diff(x) < 0) <= MOST_GLITCHES
+            and 2 * np.count_nonzero(np.diff(x)) >= len(x) - 1
+            for x in self.values
         )
 
     @property
@@ -129,14 +129,14 @@ class TitledColumn:
         """Return True if the column would increase if the rows were read from the last to the first
         one.
         """
-        return replace(self, values=[one[::-1] for one in self.values]).rises
+        return replace(self, values=[x[::-1] for x in self.values]).rises
 
     @property
     def turn(self) -> float:
         """Number at which the column repeatedly restarts from zero, for example 60 for the seconds
         of a clock; 0 if it does not.
         """
-        steps = [np.diff(one) for one in self.values]
+        steps = [np.diff(x) for x in self.values]
         falls = [np.flatnonzero(step < 0) for step in steps]
         if not sum(map(len, falls)):
             return 0.0
@@ -145,13 +145,13 @@ class TitledColumn:
         after = np.concatenate([x[at + 1] for x, at in zip(self.values, falls, strict=True)])
         if (after < 0).any() or (after > usual).any():
             return 0.0
-        turns = (one for one in TURNS if (before < one).all() and (before >= one - usual).all())
+        turns = (turn for turn in TURNS if (before < turn).all() and (before >= turn - usual).all())
         return next(turns, 0.0)
 
     @property
     def counts(self) -> bool:
         """Return True if the column increases by one from row to row."""
-        return all(len(one) > 1 and (np.diff(one) == 1).all() for one in self.values)
+        return all(len(x) > 1 and (np.diff(x) == 1).all() for x in self.values)
 
     @property
     def blocks(self) -> int:
@@ -265,12 +265,12 @@ def _read_title(
     # cells that are displayed in per cent hold fractions, even if `%` stands in the title
     is_ratio = line == "1"
     texts = ["1"] if is_ratio else [*units_in(title), line]
-    unit = next((one for text in texts if (one := unit_of(text))), "")
+    unit = next((unit_in_text for text in texts if (unit_in_text := unit_of(text))), "")
     quantity, is_plain = "", False
     if label is not None:
         like = CANONICAL.get(label.quantity) if label.quantity != "input" else None
         own_unit = (label.unit if not is_ratio else None) or next(
-            (one for text in texts if (one := unit_of(text, like))), ""
+            (unit_in_text for text in texts if (unit_in_text := unit_of(text, like))), ""
         )
         if own_unit or not unit:
             quantity, is_plain, unit = label.quantity, label.plain, own_unit
@@ -291,5 +291,5 @@ def unit_of_clock(values: Sequence[Array]) -> str:
             return unit
     steps = np.diff(max(values, key=len))
     step = float(np.median(steps)) if steps.size else 0.0
-    is_whole = all((one == np.round(one)).all() for one in values)
+    is_whole = all((x == np.round(x)).all() for x in values)
     return "ms" if is_whole and 1 <= step <= 100 else "s"

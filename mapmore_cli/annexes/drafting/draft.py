@@ -199,7 +199,7 @@ def _ten_digits(value: object) -> object:
     """
     match value:
         case dict():
-            return {key: _ten_digits(one) for key, one in value.items()}
+            return {key: _ten_digits(member) for key, member in value.items()}
         case list():
             return [*map(_ten_digits, value)]
         case float():
@@ -216,7 +216,7 @@ def _yaml_lines(section: Mapping[str, Any], loc: Loc, notes: Mapping[Loc, Note])
         is_block = here in _BLOCKS and value
         first, *rest = [f"{key}:"] if is_block else dump({key: value}).splitlines()
         yield from _noted(margin + first, notes.get(here))
-        yield from _yaml_lines(value, here, notes) if is_block else (margin + one for one in rest)
+        yield from _yaml_lines(value, here, notes) if is_block else (margin + line for line in rest)
 
 
 def _noted(line: str, note: Note | None) -> list[str]:
@@ -237,7 +237,7 @@ def _wrapped(note: Note, margin: str) -> list[str]:
 
 def range_of(values: Sequence[Array], unit: str = "1") -> str:
     """Return a text with the smallest and the largest of some values."""
-    low, high = min(one.min() for one in values), max(one.max() for one in values)
+    low, high = min(x.min() for x in values), max(x.max() for x in values)
     return f"{low:.4g} to {high:.4g}{'' if unit == '1' else f' {unit}'}"
 
 

@@ -118,7 +118,7 @@ def own_levels(recordings: Sequence[Recording], name: str) -> list[float] | None
     there are fewer than two levels, or if a gap between neighbouring levels is at most half as wide
     as the largest range of values at one level.
     """
-    series = [one.columns[name] for one in recordings if one.rows_kept]
+    series = [recording.columns[name] for recording in recordings if recording.rows_kept]
     ends = np.array(sorted(np.quantile(values, (0.05, 0.95)).tolist() for values in series))
     reach = np.maximum.accumulate(ends[:, 1])
     first = np.flatnonzero(ends[1:, 0] > reach[:-1]) + 1
@@ -133,7 +133,7 @@ def own_levels(recordings: Sequence[Recording], name: str) -> list[float] | None
 def _neat(middle: float, scatter: float) -> float:
     """Return the mean value `middle`, rounded to as few digits as the scatter around it allows."""
     shorter = (round(middle, digits) + 0.0 for digits in range(-6, 13))
-    return next((one for one in shorter if abs(one - middle) <= scatter), middle)
+    return next((number for number in shorter if abs(number - middle) <= scatter), middle)
 
 
 def set_values(recordings: Sequence[Recording], name: str) -> list[float]:
@@ -142,7 +142,7 @@ def set_values(recordings: Sequence[Recording], name: str) -> list[float]:
     values may be a switch.
     """
     values, counts = np.unique(
-        np.concatenate([one.columns[name] for one in recordings]), return_counts=True
+        np.concatenate([recording.columns[name] for recording in recordings]), return_counts=True
     )
     return values.tolist() if len(values) > 2 and counts.mean() >= 3 else []
 

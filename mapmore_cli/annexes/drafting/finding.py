@@ -17,19 +17,19 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     Raises UsageError with a list of the columns if there is none, or if there are several.
     """
     rules: list[Callable[[TitledColumn], bool]] = [
-        lambda one: one.column == wanted,
-        lambda one: one.place == wanted,
+        lambda column: column.column == wanted,
+        lambda column: column.place == wanted,
     ]
     if isinstance(wanted, str):
         parts = words(wanted)
         rules += [
-            lambda one: words(one.title) == parts,
-            lambda one: bool(parts) and {*parts} <= {*words(one.title)},
-            lambda one: one.name == wanted,
+            lambda column: words(column.title) == parts,
+            lambda column: bool(parts) and {*parts} <= {*words(column.title)},
+            lambda column: column.name == wanted,
         ]
-    usable = [one for one in table.values() if one.values or (texts and one.texts)]
+    usable = [column for column in table.values() if column.values or (texts and column.texts)]
     near = next(filter(None, ([*filter(rule, usable)] for rule in rules)), [])
-    empty = next((one for one in table.values() if any(rule(one) for rule in rules)), None)
+    empty = next((column for column in table.values() if any(rule(column) for rule in rules)), None)
     if texts and not near and empty is not None:
         raise UsageError(
             f"{option}: {empty.called} has no numbers, and no text of it stands in several rows",
@@ -39,7 +39,7 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
     if len(near) != 1:
         kind = "" if texts else " of numbers"
         problem = "several columns are" if near else f"no column{kind} is"
-        several = ", ".join(one.called for one in near or usable)
+        several = ", ".join(column.called for column in near or usable)
         raise UsageError(
             f"{option}: {problem} called {wanted}",
             f"give the title or the number of one of these: {several}",
@@ -49,4 +49,8 @@ def find(table: Table, wanted: Column, option: str, texts: bool = False) -> Titl
 
 def listed(table: Table, but: Iterable[Column] = ()) -> dict[int, TitledColumn]:
     """Return the columns whose values change. Their keys are the numbers that `init` prints."""
-    return {one.place: one for one in table.values() if one.moves and one.column not in {*but}}
+    return {
+        column.place: column
+        for column in table.values()
+        if column.moves and column.column not in {*but}
+    }

@@ -78,8 +78,8 @@ def comment_among(path: Path, layout: FileLayout) -> str | None:
     titled = layout.settings.get("skip_rows", 0)
     with path.open("rb") as lines:
         for number, line in enumerate(lines):
-            if number >= titled and (found := COMMENT.match(line)):
-                return found[1].decode() if number > titled else None
+            if number >= titled and (comment := COMMENT.match(line)):
+                return comment[1].decode() if number > titled else None
     return None
 
 
@@ -89,7 +89,7 @@ def refuse_serial(path: Path, tops: Sequence[Top]) -> None:
     `sed` command that makes a table of the text: it writes the names into the first line only, or
     replaces the arrow by a separator.
     """
-    for top in (one for one in tops if one.rows and len(one.rows[len(one.rows) // 2]) > 1):
+    for top in (top for top in tops if top.rows and len(top.rows[len(top.rows) // 2]) > 1):
         cells = [*map(str, top.rows[len(top.rows) // 2])]
         mark = top.settings.get("delimiter", ",")
         begin = " ".join(cells[:3]) if mark == "whitespace" else cells[0]
@@ -97,12 +97,16 @@ def refuse_serial(path: Path, tops: Sequence[Top]) -> None:
         if _NUMBERS.match(value.encode()) and stamp_of(time) is not None:
             between = {"tab": r"\t", "whitespace": " "}.get(mark, mark)
             how = rf"sed -n 's/ -> \([-+.0-9]\)/{between}\1/p'"
-            what = "an arrow stands between the time and the values; write their separator instead"
+            problem = (
+                "an arrow stands between the time and the values; write their separator instead"
+            )
         elif all(map(_LABELLED.fullmatch, cells)):
             titles = "1{h;s/ *[:=] *[^,;[:space:]]*//g;p;g;}"
             how = f"sed -E '{titles};s/[A-Za-z_][A-Za-z_0-9]* *[:=] *//g'"
-            what = "its cells have the form `name:number`; write the names into the first line only"
+            problem = (
+                "its cells have the form `name:number`; write the names into the first line only"
+            )
         else:
             continue
         line = f"{how} '{path.name}' > '{path.stem}_table.csv'"
-        raise DataError(f"{path.name}: {what}, for example with: {line}")
+        raise DataError(f"{path.name}: {problem}, for example with: {line}")

@@ -112,12 +112,12 @@ class FoundTable:
             self.numeric,
         )
 
-    def _units(self, own: Sequence[str], written: Sequence[str]) -> list[str]:
-        """Return the unit of each column: its `own` unit if the file stores one, otherwise the unit
-        in the line of units. The unit of a column of time stamps is always `s`, because they are
-        read in seconds.
+    def _units(self, stored: Sequence[str], written: Sequence[str]) -> list[str]:
+        """Return the unit of each column: the unit in `stored` if it is not empty, otherwise the
+        unit in the line of units. The unit of a column of time stamps is always `s`, because they
+        are read in seconds.
         """
-        units = [without_brackets(unit or line) for unit, line in zip(own, written, strict=True)]
+        units = [without_brackets(unit or line) for unit, line in zip(stored, written, strict=True)]
         for place in self.numeric:
             if stamp_of(str(self.columns[place][0]).strip()) is not None:
                 units[place] = "s"
@@ -187,7 +187,9 @@ class FoundTable:
         def rank(line: int) -> tuple[bool, int, int]:
             is_remark = str(self.rows[line][0]).strip().startswith(REMARKS)
             cells = nonempty(lines[line])
-            texts = {one for one in cells if not self.top.is_number(one) and not is_quantity(one)}
+            texts = {
+                cell for cell in cells if not self.top.is_number(cell) and not is_quantity(cell)
+            }
             return not is_remark, len(texts), line if is_remark else -line
 
         names = {

@@ -37,9 +37,9 @@ def with_split(
     # in the order of the levels, inner recordings lie between the others
     of = done.held.of if done.held else None
     in_order = sorted(
-        done.recordings, key=lambda one: float(np.median(one.columns[of])) if of else 0
+        done.recordings, key=lambda recording: float(np.median(recording.columns[of])) if of else 0
     )
-    logs = [*dict.fromkeys(one.log or one.id for one in in_order)]
+    logs = [*dict.fromkeys(recording.log or recording.id for recording in in_order)]
     is_whole = len(logs) > 2 and not levels and {"gain", "offset"}.isdisjoint(groups)
     way = wanted or next(iter(inside), WHOLE if is_whole else LAST_SAMPLES)
     held_out: Section = {}
@@ -114,8 +114,8 @@ def _beyond(done: Experiment) -> list[str]:
     names: list[str] = []
     for name in done.inputs:
         series: dict[str, list[Array]] = {}
-        for one in done.recordings:
-            series.setdefault(one.log or one.id, []).append(one.columns[name])
+        for recording in done.recordings:
+            series.setdefault(recording.log or recording.id, []).append(recording.columns[name])
         whole = [*map(np.concatenate, series.values())]
         parts_of = [np.split(x, [round((1 - LAST) * len(x))]) for x in whole]
         before, last = (np.concatenate(parts) for parts in zip(*parts_of, strict=True))
@@ -131,6 +131,6 @@ def _band(name: str, recordings: Sequence[Recording], values: Conditions) -> Sec
     """
     if name in values:
         return {}
-    pooled = np.concatenate([one.columns[name] for one in recordings])
-    low, high = (float(f"{one:.3g}") for one in np.quantile(pooled, (0.4, 0.6)))
+    pooled = np.concatenate([recording.columns[name] for recording in recordings])
+    low, high = (float(f"{end:.3g}") for end in np.quantile(pooled, (0.4, 0.6)))
     return {"between": [[low, high]]} if low < high else {}

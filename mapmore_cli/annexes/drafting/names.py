@@ -34,7 +34,7 @@ class Series:
     @property
     def values(self) -> list[float]:
         """The different values of the numbers, in ascending order."""
-        return sorted({one.value for one in self.numbers.values()})
+        return sorted({number.value for number in self.numbers.values()})
 
     @property
     def is_count(self) -> bool:
@@ -133,15 +133,15 @@ def _series_of(names: Sequence[str]) -> list[Series]:
 
     Numbers that are equal in all names are left out.
     """
-    found: dict[tuple[str, str, int], dict[int, NameNumber]] = {}
+    numbers_of_series: dict[tuple[str, str, int], dict[int, NameNumber]] = {}
     for place, name in enumerate(names):
         seen: Counter[tuple[str, str]] = Counter()
         for number in numbers_in(name):
             kind = (number.word.casefold(), number.unit)
-            found.setdefault((*kind, seen[kind]), {})[place] = number
+            numbers_of_series.setdefault((*kind, seen[kind]), {})[place] = number
             seen[kind] += 1
-    every = [Series(numbers, len(numbers) == len(names)) for numbers in found.values()]
-    return [one for one in every if len(one.values) > 1 or not one.is_complete]
+    every = [Series(numbers, len(numbers) == len(names)) for numbers in numbers_of_series.values()]
+    return [series for series in every if len(series.values) > 1 or not series.is_complete]
 
 
 def _condition(quantity: str, unit: str, series: Series, names: Sequence[str]) -> NamedCondition:

@@ -64,7 +64,7 @@ def _why_no_numbers(tops: Sequence[Top]) -> str:
     """Return the reason why a cell in the middle of the first lines is no number, for a message;
     empty if all of these cells are numbers or words.
     """
-    for top in (one for one in tops if one.rows):
+    for top in (top for top in tops if top.rows):
         row = top.rows[len(top.rows) // 2]
         for cell in row if len(row) > 1 else ():
             try:
@@ -86,7 +86,7 @@ def _with_tables_below(
         return layout
     settings = {**layout.settings, "header": int(layout.settings.get("header", True))}
     settings.pop("skip_rows", None)
-    known = {one.name for one in fields(TableRequest)} & {*settings}
+    known = {field.name for field in fields(TableRequest)} & {*settings}
     request = TableRequest(path.name, (), **{key: settings[key] for key in known})
     tables = reader.below(path, request)
     if len(tables) < 2:
@@ -108,21 +108,21 @@ def _with_tables_below(
     wanted = rows.most_common(1)[0][0]
     numbered = zip(enumerate(tables, start=1), headers, strict=True)
     # a table to the right of another may have titles, but no rows; it is left out
-    alike = [(at, one) for (at, one), titles in numbered if titles == wanted and one.rows]
+    alike = [(at, table) for (at, table), titles in numbered if titles == wanted and table.rows]
     first = alike[0][1]
     cells = [row for _, row in (*first.header, *first.rows[:LINES])]
-    found = table_in(replace(best.top, rows=cells))
-    if found is None:
+    best_table = table_in(replace(best.top, rows=cells))
+    if best_table is None:
         return layout
     left = (f"table {at} ({', '.join(x)})" for at, x in enumerate(headers, start=1) if x != wanted)
-    whole = found.layout(reader.name)
+    whole = best_table.layout(reader.name)
     whole.settings.pop("skip_rows", None)
     if mark is not None:
         whole.settings["comment"] = mark
     return replace(
         whole,
         tables=tuple(at for at, _ in alike),
-        above=tuple(one.title for _, one in alike),
+        above=tuple(table.title for _, table in alike),
         left=(*layout.left, *left),
         alike=layout.alike,
     )

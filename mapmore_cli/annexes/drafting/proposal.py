@@ -81,7 +81,7 @@ def _shared_out(columns: Named, table: Table) -> tuple[Named, Named]:
         with suppress(UsageError):
             find(table, column.column, "--columns")
             here[name] = column
-    return here, {name: one for name, one in columns.items() if name not in here}
+    return here, {name: column for name, column in columns.items() if name not in here}
 
 
 def _with_measured_strain(answers: Answers, table: Table) -> Answers:
@@ -146,7 +146,7 @@ class _Proposal:
         and held-out data. If `check` finds an error in this draft, a simpler draft is returned.
         """
         answers, known, folder = self.answers, self.known, self.folder
-        in_names = {one.quantity: one.in_model_units for one in known.conditions}
+        in_names = {condition.quantity: condition.in_model_units for condition in known.conditions}
         hold, made = answers.hold, ""
         if answers.length is not None:
             draft, made = with_strain(draft, answers.length, in_names)
@@ -181,30 +181,35 @@ class _Proposal:
         chosen = {*answers.columns, *(answers.inputs or {})} & {*known.inputs}
         names = [name for name in ("time", known.group, *chosen) if name in known.columns]
         used = {place for name in names for place in known.columns[name].places}
-        read = {one.column for one in known.columns.values()}
-        for one in self.table.values():
-            if one.summaries and one.column not in read:
+        read = {column.column for column in known.columns.values()}
+        for column in self.table.values():
+            if column.summaries and column.column not in read:
                 yield (
-                    f"rows with {', '.join(one.summaries)} in {one.called} are read as samples, "
-                    f"but seem to be computed from the other rows. `--group {one.asked_for}` "
-                    "leaves them out, and scores the groups of other rows separately; or delete "
-                    "them in a copy of the file"
+                    f"rows with {', '.join(column.summaries)} in {column.called} are read as "
+                    "samples, but seem to be computed from the other rows. "
+                    f"`--group {column.asked_for}` leaves them out, and scores the groups of other "
+                    "rows separately; or delete them in a copy of the file"
                 )
-            if one.blocks and one.column not in used and not answers.recordings:
+            if column.blocks and column.column not in used and not answers.recordings:
                 yield (
-                    f"each value of {one.called} is in one block of rows; if each of the "
-                    f"{one.blocks} blocks is a recording, write `--recordings {one.asked_for}`, so "
-                    "that lags stay within a recording"
+                    f"each value of {column.called} is in one block of rows; if each of the "
+                    f"{column.blocks} blocks is a recording, write "
+                    f"`--recordings {column.asked_for}`, so that lags stay within a recording"
                 )
         if not answers.hold:
             yield from offers_of(self.study.names)
-        rows = max((len(x) for one in self.table.values() for x in one.values), default=0)
+        rows = max((len(x) for column in self.table.values() for x in column.values), default=0)
         # the rows of a map have no order
         has_clock = "time" in draft.data["columns"] or self.study.layout.is_map
         keys = {"sample_time", "levels"}
         if not (has_clock or answers.no_clock) and keys.isdisjoint(draft.data) and rows >= FEWEST:
             back = next(
-                (one.called for one in self.table.values() if one.is_time and one.falls), ""
+                (
+                    column.called
+                    for column in self.table.values()
+                    if column.is_time and column.falls
+                ),
+                "",
             )
             runs = f"{back} runs backwards, so it is not used as the clock; if the model may have"
             yield (

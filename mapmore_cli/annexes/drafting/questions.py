@@ -73,7 +73,9 @@ class Asked:
         same numbers as in the list that `init` prints.
         """
         columns = listed(self.table, but).items()
-        return tuple(Option(str(at), one.described, course(one.values)) for at, one in columns)
+        return tuple(
+            Option(str(at), column.described, course(column.values)) for at, column in columns
+        )
 
 
 def interview(
@@ -114,8 +116,8 @@ def _target(asked: Asked) -> Question | None:
 
     def take(reply: str) -> Answers:
         chosen = read_names("the target", reply)
-        for one in chosen.values():
-            find(asked.table, one.column, "the target")
+        for column in chosen.values():
+            find(asked.table, column.column, "the target")
         return replace(asked.answers, target=chosen)
 
     return Question(
@@ -136,12 +138,14 @@ def _inputs(asked: Asked) -> Question | None:
         if not reply:
             return answers
         chosen = read_names("the inputs", reply.lstrip("- "))
-        columns = [find(asked.table, one.column, "the inputs").column for one in chosen.values()]
+        columns = [
+            find(asked.table, column.column, "the inputs").column for column in chosen.values()
+        ]
         if any(column in columns for column in targets):
             raise UsageError("the target cannot be an input", "leave the target out of the inputs")
         if reply.startswith("-"):
             rest = {name: known.columns[name] for name in known.inputs}
-            chosen = {name: one for name, one in rest.items() if one.column not in columns}
+            chosen = {name: column for name, column in rest.items() if column.column not in columns}
         inputs = replace(answers, inputs=chosen)
         asked.view(inputs)
         return inputs
@@ -165,10 +169,12 @@ def _held_out(asked: Asked) -> Question | None:
             reply = known.drive_called(reply, asked.table, "what is held out")
         return replace(answers, validate=reply) if reply else answers
 
-    others = {one.column for one in asked.table.values()} - {
+    others = {column.column for column in asked.table.values()} - {
         known.columns[name].column for name in known.inputs
     }
-    named = tuple(Option("", f"{one.quantity}  {one.why}") for one in known.conditions)
+    named = tuple(
+        Option("", f"{condition.quantity}  {condition.why}") for condition in known.conditions
+    )
     whole = f" `{WHOLE}` (every third recording)," if len(asked.names) > 1 else ""
     return Question(
         "Which data are held out to test the model?",
@@ -182,7 +188,7 @@ def _held_out(asked: Asked) -> Question | None:
 def _groups(asked: Asked) -> Question | None:
     answers, known = asked.answers, asked.view(asked.answers)
     others = [known.columns[name].column for name in known.targets]
-    others += [one.column for one in asked.table.values() if len(one.kinds) > MOST_GROUPS]
+    others += [column.column for column in asked.table.values() if len(column.kinds) > MOST_GROUPS]
     words = group_words(asked.names, "specimen")
     words = [] if words == [*asked.names] else [*dict.fromkeys(words)]
     if answers.group is not None or not (words or listed(asked.table, others)):

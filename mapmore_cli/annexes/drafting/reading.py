@@ -115,11 +115,11 @@ def table_of(study: FolderStudy, folder: Path) -> Table:
     if not raw:
         raise last
     texts: dict[Column, Texts] = {}
-    for column in [one for one in layout.columns if one not in raw]:
+    for column in [place for place in layout.columns if place not in raw]:
         with suppress(DataError, SpecError):
             texts |= _read_texts(section, folder, column)
     table = read_titles(layout, raw, texts)
-    return {name: replace(one, unread=unread.get(name, "")) for name, one in table.items()}
+    return {name: replace(column, unread=unread.get(name, "")) for name, column in table.items()}
 
 
 def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dict[Column, Texts]:
@@ -136,9 +136,11 @@ def _read_texts(section: Mapping[str, Any], folder: Path, column: Column) -> dic
         some = some_of(find_sources(data.files, folder, bad=data.skip_bad_files))
         meter = Meter(some, lambda *_: None)
         tables = [
-            one for source in some for one in read_tables(source, data, data, {"label": "1"}, meter)
+            table_of_source
+            for source in some
+            for table_of_source in read_tables(source, data, data, {"label": "1"}, meter)
         ]
-        cells = [np.asarray(one.columns["label"]) for one in tables]
+        cells = [np.asarray(table_of_source.columns["label"]) for table_of_source in tables]
         numbers = [x[np.isfinite(x)] for x in cells]
         words, is_down = [*meter.texts["label"]], how == "down"
         is_again = (FEWEST_ROWS if is_down else 2) * len(words) <= sum(map(len, numbers))
@@ -164,23 +166,23 @@ def described(study: FolderStudy, folder: Path) -> str:
         table = table_of(study, folder)
     except (DataError, SpecError) as fault:
         return f"{study}, which cannot be read: {fault.message}"
-    values = [one.values for one in table.values() if one.values]
+    values = [column.values for column in table.values() if column.values]
     sizes = [max(map(len, x)) for x in zip(*values, strict=True)]
     looked_at = "" if len(study.files) <= MOST_FILES else f" in {len(sizes)} of them"
-    columns = ", ".join(one.called for one in [*table.values()][:MOST_SHOWN])
+    columns = ", ".join(column.called for column in [*table.values()][:MOST_SHOWN])
     more = ", ..." if len(table) > MOST_SHOWN else ""
     conditions, _ = told_by_names(study.names)
-    names = "".join(f"; names say {one.why}" for one in conditions)
+    names = "".join(f"; names say {condition.why}" for condition in conditions)
     return f"{study}, {sum(sizes)} rows{looked_at}, {len(table)} columns ({columns}{more}){names}"
 
 
-def split_by(table: Table, said: Sequence[str]) -> Table:
+def split_by(table: Table, references: Sequence[str]) -> Table:
     """Return a table with one array of values for each recording. The columns that a person names
     distinguish the recordings. The table is unchanged if one of these columns has missing values.
     Raises UsageError for an unknown column.
     """
-    keys = [find(table, address(one), "--recordings", texts=True) for one in said]
-    series = {name: x for name, one in table.items() if (x := one.values or one.numbered)}
+    keys = [find(table, address(text), "--recordings", texts=True) for text in references]
+    series = {name: x for name, column in table.items() if (x := column.values or column.numbered)}
     sizes = {name: [*map(len, x)] for name, x in series.items()}
     if not keys or any(sizes[key.column] != sizes[keys[0].column] for key in keys):
         return table
@@ -189,13 +191,13 @@ def split_by(table: Table, said: Sequence[str]) -> Table:
         member = np.unique(np.column_stack(labels), axis=0, return_inverse=True)[1].ravel()
         rows_of.append([np.flatnonzero(member == kind) for kind in range(member.max() + 1)])
 
-    def divided(one: TitledColumn) -> TitledColumn:
-        if not one.values or sizes[one.column] != sizes[keys[0].column]:
-            return one
-        files = zip(one.values, rows_of, strict=True)
-        return replace(one, values=[x[rows] for x, parts in files for rows in parts])
+    def divided(column: TitledColumn) -> TitledColumn:
+        if not column.values or sizes[column.column] != sizes[keys[0].column]:
+            return column
+        files = zip(column.values, rows_of, strict=True)
+        return replace(column, values=[x[rows] for x, parts in files for rows in parts])
 
-    return {name: divided(one) for name, one in table.items()}
+    return {name: divided(column) for name, column in table.items()}
 
 
 def _read_columns(

@@ -32,28 +32,28 @@ def second_of(study: FolderStudy, studies: Sequence[FolderStudy]) -> FolderStudy
     pressure; or if none or several of the other studies fit.
     """
     beside = [
-        one
-        for one in studies
-        if (one.folder, len(one.files)) == (study.folder, len(study.files))
-        and {"time", "pressure"} <= one.quantities
-        and one.quantities.isdisjoint({"force", *POSITIONS})
+        other
+        for other in studies
+        if (other.folder, len(other.files)) == (study.folder, len(study.files))
+        and {"time", "pressure"} <= other.quantities
+        and other.quantities.isdisjoint({"force", *POSITIONS})
     ]
     is_lacking = "time" in study.quantities and "pressure" not in study.quantities
     return beside[0] if is_lacking and len(beside) == 1 else None
 
 
 def with_second_log(
-    draft: Draft, second: FolderStudy, folder: Path, target: str, said: Named
+    draft: Draft, second: FolderStudy, folder: Path, target: str, named: Named
 ) -> Draft:
     """Return the draft, to which the pressure from a second log is joined. If a time shift is found
     at which the changes of the pressure match the changes of the target, the second log is shifted
-    by this time. `said` are the columns of the second log that a person named.
+    by this time. `named` are the columns of the second log that a person named.
 
     Raises DataError if one of the two logs has no clock, or if the second log has no pressure.
     """
     table = table_of(second, folder)
     columns, _ = known_by_titles(table)
-    columns |= named_by_person(said, table, "--columns", columns)
+    columns |= named_by_person(named, table, "--columns", columns)
     if not {"time", "pressure"} <= columns.keys() or "time" not in draft.data["columns"]:
         raise DataError(
             f"{second.files[0].name}: contains the pressure, but the two logs have no common clock",

@@ -26,10 +26,10 @@ def patterns(files: Sequence[Path], folder: Path, bad: Iterable[Path] = ()) -> l
     names = [relative_name(file, folder) for file in files]
     steps = [name.split("/") for name in names]
     if len(files) > 1 and len({len(step) for step in steps}) == 1:
-        one = "/".join(_glob_of([*{*parts}]) for parts in zip(*steps, strict=True))
-        found = resolved(expand(one, folder, may_be_empty=True))
-        if found - resolved(bad) == resolved(files):
-            return [one]
+        pattern = "/".join(_glob_of([*{*parts}]) for parts in zip(*steps, strict=True))
+        matched = resolved(expand(pattern, folder, may_be_empty=True))
+        if matched - resolved(bad) == resolved(files):
+            return [pattern]
     return names
 
 
@@ -85,13 +85,15 @@ def started(
     if bad := _bad_among(study, folder, entries):
         why = "; ".join(bad[name] for name in sorted(bad))
         draft = draft.with_data("skip_bad_files", sorted(bad), why)
-    reasons = [f"names: {', '.join(one.why for one in conditions)}"] if conditions else []
+    reasons = (
+        [f"names: {', '.join(condition.why for condition in conditions)}"] if conditions else []
+    )
     if changed:
         reasons.append(f"{len(changed)} of {len(study.files)} files have other names or units")
     if layout.tables:
         reasons.append(f"each of the {len(layout.tables)} tables in a file is a recording")
     why = "; ".join(filter(None, [*reasons, remark]))
-    sure = all(one.sure for one in conditions)
+    sure = all(condition.sure for condition in conditions)
     return draft.noted(("data", "files"), why or None, sure)
 
 
@@ -106,7 +108,7 @@ def _file_entries(
     and the values that the names of the files contain. Files whose columns have other names or
     units get the entries of `columns` that `changed` holds for them.
     """
-    values = [one.in_model_units for one in conditions]
+    values = [condition.in_model_units for condition in conditions]
     members: dict[tuple[Any, ...], list[Path]] = {}
     for at, (file, place) in enumerate(study.parts):
         part = tuple(place.items() if is_by_part else ())
@@ -118,7 +120,9 @@ def _file_entries(
         if files[0] in changed:
             more["columns"] = changed[files[0]]
         if numbers:
-            more["set"] = dict(zip((one.quantity for one in conditions), numbers, strict=True))
+            more["set"] = dict(
+                zip((condition.quantity for condition in conditions), numbers, strict=True)
+            )
         paths = patterns(list(dict.fromkeys(files)), folder, study.bad)
         entries += [{"path": path, **more} for path in paths] if more else paths
     return entries
@@ -128,9 +132,9 @@ def _bad_among(study: FolderStudy, folder: Path, entries: Sequence[Any]) -> dict
     """Return the bad files that the globs of the entries match, by name, with the reasons."""
     if not study.bad:
         return {}
-    named = {one if isinstance(one, str) else one["path"] for one in entries}
+    named = {entry if isinstance(entry, str) else entry["path"] for entry in entries}
     globs = filter(glob.has_magic, named)
-    matched = {place for one in globs for place in resolved(expand(one, folder, True))}
+    matched = {place for pattern in globs for place in resolved(expand(pattern, folder, True))}
     return {
         relative_name(file, folder): reason
         for file, reason in study.bad.items()

@@ -17,17 +17,17 @@ def spelt(text: str) -> str:
     beginning of its name (`Πίεση` becomes `piese`). Any other sign is replaced by its number in
     Unicode.
     """
-    plain = "".join(
+    without_marks = "".join(
         sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign)
     )
-    return re.sub(r"[^\W\d_a-zA-Z]+", _spelt_word, plain)
+    return re.sub(r"[^\W\d_a-zA-Z]+", _spelt_word, without_marks)
 
 
 def _spelt_word(match: re.Match[str]) -> str:
     letters: list[str] = []
     for sign in match[0]:
-        said = unicodedata.name(sign, "").rpartition(" LETTER ")[2].removeprefix("FINAL ").lower()
-        name = said.partition(" with ")[0]
+        letter = unicodedata.name(sign, "").rpartition(" LETTER ")[2].removeprefix("FINAL ").lower()
+        name = letter.partition(" with ")[0]
         if sign == "\N{LATIN SMALL LETTER SHARP S}":
             name = "ss"
         elif not name.replace(" ", "").isalpha():

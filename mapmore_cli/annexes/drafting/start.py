@@ -57,8 +57,8 @@ def start(
     UsageError
         If the quantity to predict is unknown for every study.
     """
-    found, remarks = find_studies(path)
-    studies = _with_own_names(found)
+    found_studies, remarks = find_studies(path)
+    studies = _with_own_names(found_studies)
     if len(studies) > 1:
         tell(f"{path} has {len(studies)} layouts:")
         for study in studies:
@@ -89,10 +89,12 @@ def start(
                     raise
                 refusal = refusal or fault
             remedy = None if isinstance(fault, UsageError) else fault.remedy
-            what = filter(None, [label, fault.message.splitlines()[0], remedy])
-            remarks.append(": ".join(what))
+            parts = filter(None, [label, fault.message.splitlines()[0], remedy])
+            remarks.append(": ".join(parts))
         else:
-            remarks += dict.fromkeys(one.bad_files for one in proposed if one.bad_files)
+            remarks += dict.fromkeys(
+                proposal.bad_files for proposal in proposed if proposal.bad_files
+            )
             drafts += proposed
     if not drafts:
         raise _refuse_all(path, refusal, remarks)

@@ -44,7 +44,7 @@ def with_experiment(
     draft. Raises UsageError if these data cannot be held out.
     """
     held, target, recordings = done.held, done.target, done.recordings
-    samples = sum(one.rows_kept for one in recordings)
+    samples = sum(recording.rows_kept for recording in recordings)
     is_static = _is_at_rest(done) if held is None else held.why == "you" or target == "force"
     if not is_static and "time" in recordings[0].columns and samples >= FEWEST:
         draft = _as_memory_study(draft, recordings).with_section("target", target)
@@ -75,10 +75,10 @@ def _is_at_rest(done: Experiment) -> bool:
     moving = [
         name
         for name in done.inputs
-        if any(np.ptp(one.columns[name]) > 0 for one in recordings)
+        if any(np.ptp(recording.columns[name]) > 0 for recording in recordings)
         and not own_levels(recordings, name)
     ]
-    series = [one.columns[done.target] for one in recordings if one.rows_kept]
+    series = [recording.columns[done.target] for recording in recordings if recording.rows_kept]
     within = max(float(np.std(x)) for x in series)
     between = float(np.std([np.mean(x) for x in series]))
     return not moving and within <= MUCH_LESS * between
@@ -125,7 +125,7 @@ def _as_memory_study(draft: Draft, recordings: Sequence[Recording]) -> Draft:
     """Return the draft with equal time steps and, if there are gaps in time, with the key `gaps`,
     so that the memory of the model begins again after each gap.
     """
-    times = [one.columns["time"] for one in recordings if one.rows_kept > 1]
+    times = [recording.columns["time"] for recording in recordings if recording.rows_kept > 1]
     usual = float(np.median(np.concatenate([np.diff(time) for time in times])))
     lengths = [float(np.ptp(time)) for time in times]
     most = min(sum(lengths) / MOST, float(np.median(lengths)) / LEAST)

@@ -68,7 +68,9 @@ class FolderStudy:
         units of their columns differ from those of most files. A file in which only the order of
         the columns differs needs no entries.
         """
-        of_layouts = {id(one): self._columns_of(one, columns) for one in self.variants.values()}
+        of_layouts = {
+            id(layout): self._columns_of(layout, columns) for layout in self.variants.values()
+        }
         changed = {file: of_layouts[id(layout)] for file, layout in self.variants.items()}
         return {file: entries for file, entries in changed.items() if entries}
 
@@ -80,12 +82,12 @@ class FolderStudy:
         there = {identity: column for column, identity in _identities(layout).items()}
         titled_there = read_titles(layout, {})
         changed: Section = {}
-        for name, one in columns.items():
-            if (identity := usual.get(one.column)) is not None and not one.parts:
+        for name, column in columns.items():
+            if (identity := usual.get(column.column)) is not None and not column.parts:
                 other = titled_there[there[identity]]
-                if (other.column, other.unit) != (one.column, titled[one.column].unit):
-                    entry = replace(one, column=other.column).as_spec()
-                    changed[name] = {**entry, "unit": other.unit or one.unit}
+                if (other.column, other.unit) != (column.column, titled[column.column].unit):
+                    entry = replace(column, column=other.column).as_spec()
+                    changed[name] = {**entry, "unit": other.unit or column.unit}
         return changed
 
     @cached_property
@@ -135,7 +137,9 @@ def find_studies(path: Path) -> tuple[list[FolderStudy], list[str]]:
         raise DataError(
             f"{path}: no such file or folder", "give a recording, or a folder of recordings"
         )
-    inside = (one for one in sorted(path.rglob("*")) if one.is_file() and _is_own(one, path))
+    inside = (
+        inner for inner in sorted(path.rglob("*")) if inner.is_file() and _is_own(inner, path)
+    )
     every = [path] if path.is_file() else [*inside]
     readable = [file for file in every if file == path or reader_of(file) is not None]
     copies = _copies(readable)  # a copy of an unreadable file need not be found
@@ -155,10 +159,12 @@ def find_studies(path: Path) -> tuple[list[FolderStudy], list[str]]:
     layouts, faults = _layouts_of([file for file in readable if file not in bad])
     bad |= faults
     others = {file: why for file in {*every} - {*readable} if (why := unread(file))}
-    studies = [replace(one, bad=bad) for one in _joined(layouts)]
+    studies = [replace(study, bad=bad) for study in _joined(layouts)]
     studies.sort(key=lambda study: (-len(study.files), study.files[0]))
     folders = [study.folder for study in studies]
-    named = [replace(one, name=_name(one, folders.count(one.folder) == 1)) for one in studies]
+    named = [
+        replace(study, name=_name(study, folders.count(study.folder) == 1)) for study in studies
+    ]
     reasons = bad | others
     return named, [reasons[file] for file in every if file in reasons]
 
@@ -229,21 +235,23 @@ def _identities(layout: FileLayout) -> dict[Column, Identity]:
     quantity, the identity only says whether there is a unit, because units of a known quantity can
     be converted. The position of the column is added if some titles are missing or equal.
     """
-    columns = [one for one in read_titles(layout, {}).values() if one.place in layout.numeric]
+    columns = [
+        column for column in read_titles(layout, {}).values() if column.place in layout.numeric
+    ]
     identities: list[Identity] = [
         (
-            name_in(one.title),
-            one.quantity,
-            one.unit if one.quantity not in CANONICAL else bool(one.unit),
+            name_in(column.title),
+            column.quantity,
+            column.unit if column.quantity not in CANONICAL else bool(column.unit),
         )
-        for one in columns
+        for column in columns
     ]
-    is_by_title = all(isinstance(one.column, str) for one in columns)
+    is_by_title = all(isinstance(column.column, str) for column in columns)
     if not is_by_title or len({*identities}) < len(identities):
         identities = [
-            (*identity, one.place) for one, identity in zip(columns, identities, strict=True)
+            (*identity, column.place) for column, identity in zip(columns, identities, strict=True)
         ]
-    return dict(zip([one.column for one in columns], identities, strict=True))
+    return dict(zip([column.column for column in columns], identities, strict=True))
 
 
 def _joined(layouts: Mapping[Path, FileLayout]) -> list[FolderStudy]:
@@ -262,7 +270,7 @@ def _joined(layouts: Mapping[Path, FileLayout]) -> list[FolderStudy]:
         families.setdefault(repr((bare, identities)), []).append((layout, files))
     studies = []
     for family in families.values():
-        (layout, _), *others = sorted(family, key=lambda one: -len(one[1]))
+        (layout, _), *others = sorted(family, key=lambda variant: -len(variant[1]))
         variants = {file: other for other, files in others for file in files}
         files = sorted(file for _, some in family for file in some)
         above = {file: layouts[file].above for file in files}

@@ -27,7 +27,7 @@ def units_in(title: str) -> list[str]:
     """
     title = spell_pressures(title.translate(HALF_WIDTH))
     last = _RATIO if _RATIO.search(title) else _BEHIND
-    return [one for form in (_BRACKETS, last, _SHARE) for one in form.findall(title)]
+    return [text for form in (_BRACKETS, last, _SHARE) for text in form.findall(title)]
 
 
 def name_in(title: str) -> str:

@@ -60,18 +60,20 @@ class Understood:
     group: str | None
     apart: list[str]
 
-    def drive_called(self, said: str, table: Table, option: str) -> str:
+    def drive_called(self, reference: str, table: Table, option: str) -> str:
         """Return the name of the input that a person means by a name, a title or a number. Raises
         UsageError if there is none.
         """
-        drives = [*self.inputs, *(one.quantity for one in self.conditions)]
-        if said in drives:
-            return said
-        column = find(table, address(said), option).column
+        drives = [*self.inputs, *(condition.quantity for condition in self.conditions)]
+        if reference in drives:
+            return reference
+        column = find(table, address(reference), option).column
         for name in self.inputs:
             if self.columns[name].column == column:
                 return name
-        raise UsageError(f"{option}: {said} is not an input", f"name one of {', '.join(drives)}")
+        raise UsageError(
+            f"{option}: {reference} is not an input", f"name one of {', '.join(drives)}"
+        )
 
 
 def understood(
@@ -89,8 +91,8 @@ def understood(
     """
     columns, left_out = _columns_of(table, answers)
     apart: Named = {}
-    for said in answers.recordings:
-        apart |= _column_called(table, said, "--recordings", columns)
+    for reference in answers.recordings:
+        apart |= _column_called(table, reference, "--recordings", columns)
     columns |= apart
     chosen = named_by_person(answers.target, table, "--target", columns)
     columns |= chosen
@@ -105,7 +107,7 @@ def understood(
         inputs = _free(table, columns, targets, left_out)
     else:
         in_names = {condition.quantity for condition in conditions}
-        rest = {name: one for name, one in answers.inputs.items() if name not in in_names}
+        rest = {name: column for name, column in answers.inputs.items() if name not in in_names}
         driving = named_by_person(rest, table, "--inputs", columns)
         columns |= driving
         inputs = [name for name in driving if name not in ("time", *targets)]
@@ -136,7 +138,7 @@ def _columns_of(table: Table, answers: Answers) -> tuple[Named, dict[Column, str
     named = {**answers.target, **(answers.inputs or {})}
     named.pop("time", None)
     clock = columns.get("time")
-    if clock is not None and any(one.column == clock.column for one in _found(table, named)):
+    if clock is not None and any(column.column == clock.column for column in _found(table, named)):
         del columns["time"]
     if answers.no_clock or answers.sample_time is not None:
         clock = columns.pop("time", None)
@@ -166,7 +168,7 @@ def _conditions_of(
     """
     wanted = answers.inputs or {}
     renamed = [name for name, column in wanted.items() if not column.refers_to(name)]
-    measured = [one.quantity for one in _found(table, wanted)]  # names of known quantities
+    measured = [column.quantity for column in _found(table, wanted)]  # names of known quantities
     conditions, unused = told_by_names(study.names, answers.hold, [*columns, *renamed, *measured])
     needed = {*wanted, answers.hold.name if answers.hold else ""}
     read = {name: table[column.column] for name, column in columns.items()}
@@ -206,8 +208,8 @@ def _measured(condition: NamedCondition, columns: Mapping[str, TitledColumn]) ->
             or len(np.unique(numbers)) < FEWEST_SET_POINTS
         ):
             continue
-        means = np.array([np.mean(one) for one in column.values])
-        within = max(np.std(one) for one in column.values)
+        means = np.array([np.mean(x) for x in column.values])
+        within = max(np.std(x) for x in column.values)
         gap = np.diff(np.sort(means)).max()
         if within < gap / 4 and abs(correlation(numbers, means)) > SAME_SET_POINT:
             return name
@@ -223,34 +225,34 @@ def _target_by_titles(
     """
     titled = {} if answers.columns else table
     kinds = {
-        name: kind_to_predict(name, titled.get(one.column))
-        for name, one in columns.items()
+        name: kind_to_predict(name, titled.get(column.column))
+        for name, column in columns.items()
         if name not in ignored
     }
     target = target_of(kinds, has_input)
     return [] if target is None else [target]
 
 
-def _group_of(table: Table, said: str | None, known: Named) -> tuple[str | None, Named]:
+def _group_of(table: Table, reference: str | None, known: Named) -> tuple[str | None, Named]:
     """Return the name of the quantity that distinguishes groups, and its column; there is no column
     if groups are distinguished by a word in names of files.
 
     A column is given by its number, its title or its name. Raises UsageError for an unknown number.
     """
-    known_columns = (one for one in table.values() if one.values or one.texts)
-    titles = {text for one in known_columns for text in (one.title, one.name)}
-    if said is None or not (said.isdecimal() or said in titles):
-        return said, {}
-    column = _column_called(table, said, "--group", known)
+    known_columns = (column for column in table.values() if column.values or column.texts)
+    titles = {text for column in known_columns for text in (column.title, column.name)}
+    if reference is None or not (reference.isdecimal() or reference in titles):
+        return reference, {}
+    column = _column_called(table, reference, "--group", known)
     return next(iter(column)), column
 
 
-def _column_called(table: Table, said: str, option: str, known: Named) -> Named:
+def _column_called(table: Table, reference: str, option: str, known: Named) -> Named:
     """Find the column that a person calls by its number, its title or its name. Return it as the
     only entry of a mapping, by its name. Raises UsageError if there is no such column.
     """
-    titled = find(table, address(said), option, texts=True)
-    names = {one.column: name for name, one in known.items()}
+    titled = find(table, address(reference), option, texts=True)
+    names = {column.column: name for name, column in known.items()}
     name = names.get(titled.column, titled.name)
     return {name: known.get(name, titled.as_quantity(name))}
 
@@ -263,7 +265,9 @@ def _free(
     filter, and there are other inputs.
     """
     free = [
-        name for name, one in columns.items() if name not in {"time", *targets} and not one.texts
+        name
+        for name, column in columns.items()
+        if name not in {"time", *targets} and not column.texts
     ]
     for target in targets:
         wanted = table[columns[target].column]
@@ -271,7 +275,9 @@ def _free(
             candidate = table[columns[name].column]
             if candidate.kind not in ("", wanted.kind):
                 continue
-            is_copy = same_signals([np.concatenate(one.values) for one in (candidate, wanted)])
+            is_copy = same_signals(
+                [np.concatenate(series.values) for series in (candidate, wanted)]
+            )
             if is_copy or (len(free) > 1 and _is_filtered(candidate.values, wanted.values)):
                 free.remove(name)
                 how = "is a linear function of" if is_copy else "gives, through a linear filter,"
@@ -286,7 +292,7 @@ def _is_filtered(x: Sequence[Array], y: Sequence[Array]) -> bool:
     pairs = list(zip(x, y, strict=True))
     if any(len(one) != len(other) or len(one) < FEWEST for one, other in pairs):
         return False
-    rows = [np.column_stack([one[2:], one[1:-1], one[:-2]]) for one, _ in pairs]
+    rows = [np.column_stack([series[2:], series[1:-1], series[:-2]]) for series, _ in pairs]
     wanted = np.concatenate([other[2:] for _, other in pairs])
     design = np.column_stack([np.concatenate(rows), np.ones(len(wanted))])
     left = wanted - design @ np.linalg.lstsq(design, wanted, rcond=None)[0]

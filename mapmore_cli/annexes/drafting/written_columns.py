@@ -16,34 +16,42 @@ def with_columns(draft: Draft, known: Understood, target: str, table: Table) -> 
     """Return the draft with the columns for one target and a remark on columns that are not used.
     Quantities without a default unit, for example a displacement, keep the units of their columns.
     """
-    used = {place for one in known.columns.values() for place in one.places}
+    used = {place for column in known.columns.values() for place in column.places}
     left = ", ".join(
-        f"{one.called} ({known.left_out[column]})" if column in known.left_out else one.called
-        for column, one in table.items()
+        f"{column_of_table.called} ({known.left_out[column]})"
+        if column in known.left_out
+        else column_of_table.called
+        for column, column_of_table in table.items()
         if column not in used
     )
     others = {*known.targets} - {target}
-    columns = {name: one for name, one in known.columns.items() if name not in others}
-    entries = {name: one.as_spec() for name, one in columns.items()}
-    is_sure = not any(one.unread for column, one in table.items() if column not in used)
+    columns = {name: column for name, column in known.columns.items() if name not in others}
+    entries = {name: column.as_spec() for name, column in columns.items()}
+    is_sure = not any(
+        column_of_table.unread for column, column_of_table in table.items() if column not in used
+    )
     draft = draft.with_data("columns", entries, f"left out: {left}" if left else None, is_sure)
     units = {
-        name: "kPa" if can_convert(one.unit, "kPa") else one.unit
-        for name, one in columns.items()
-        if one.unit != "1"
-    } | {one.quantity: one.unit for one in known.conditions if one.unit}
+        name: "kPa" if can_convert(column.unit, "kPa") else column.unit
+        for name, column in columns.items()
+        if column.unit != "1"
+    } | {condition.quantity: condition.unit for condition in known.conditions if condition.unit}
     if units := {name: unit for name, unit in units.items() if not is_canonical(name)}:
         draft = draft.with_section("units", units)
     if known.apart:
         of = known.apart if len(known.apart) > 1 else known.apart[0]
         draft = draft.with_data("recordings", {"of": of}, "you; lags stay within a recording")
-    if computed := [text for one in table.values() if one.column in used for text in one.summaries]:
+    if computed := [
+        text for column in table.values() if column.column in used for text in column.summaries
+    ]:
         draft = draft.with_data("missing", {"tokens": computed})
     if "time" in columns:
         draft = draft.without_data("sample_time")
-    for name, one in columns.items():
-        draft = draft.noted(("data", "columns", name), one.why, one.sure)
-    return replace(draft, raw={one.column: one.values for one in table.values() if one.values})
+    for name, column in columns.items():
+        draft = draft.noted(("data", "columns", name), column.why, column.sure)
+    return replace(
+        draft, raw={column.column: column.values for column in table.values() if column.values}
+    )
 
 
 def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Draft, str]:
@@ -58,7 +66,7 @@ def with_strain(draft: Draft, length: float, conditions: Conditions) -> tuple[Dr
     draft = draft.with_section("muscle", {"length": length})
     columns = draft.data["columns"]
     known = {*columns, *conditions}
-    measured = next((one for one in ("length", "displacement") if one in known), None)
+    measured = next((name for name in ("length", "displacement") if name in known), None)
     if "strain" in known or measured is None:
         return draft, ""
     turned = ""

@@ -165,17 +165,17 @@ def _powers(base: BaseUnits | None) -> dict[str, float] | None:
     return {**base.powers, **{name: value for name, value, default in scale if value != default}}
 
 
-def _variables(written: CSource, taken: list[str]) -> Iterator[Variable]:
+def _variables(written: CSource, reserved: list[str]) -> Iterator[Variable]:
     """Yield the variables of an FMU: the inputs, the measured output if the model needs it to
     start, the output, and `outside_range`, whose bits show which inputs are outside their training
-    range. No input and no measured output gets a name that is in `taken`.
+    range. No input and no measured output gets a name that is in `reserved`.
     """
     model, memory = written.words["model"], written.words["memory"]
     measured = [
         Quantity(f"{name}_measured", model.output.unit) for name in written.program.kept.fed_back
     ]
     measurable, ends = (*model.inputs, *measured), training_ends(model)
-    names = identifiers([*(quantity.name for quantity in measurable), model.output.name], taken)
+    names = identifiers([*(quantity.name for quantity in measurable), model.output.name], reserved)
     changes = "discrete" if memory else "continuous"
     for quantity, name in zip((*measurable, model.output), names, strict=True):
         start: float | None = 0.0

@@ -196,14 +196,14 @@ def _verify(model: Model, command: Sequence[str], folder: Path, close: float = C
             raise _unequal(model, difference)
 
 
-def _answers(model: Model, command: Sequence[str], given: str, folder: Path) -> Array:
+def _answers(model: Model, command: Sequence[str], text: str, folder: Path) -> Array:
     """Return the numbers that a program prints. The program runs in a separate process. Raises
     MapmoreError if it fails, and CompilerMissing if it cannot be started.
     """
     try:
         done = subprocess.run(
             command,
-            input=given,
+            input=text,
             capture_output=True,
             text=True,
             check=True,

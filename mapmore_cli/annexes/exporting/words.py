@@ -202,9 +202,9 @@ LONGEST = 50
 """Largest number of characters of a name, so that prefixes and numbers can be added."""
 
 
-def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
+def identifiers(names: Iterable[str], reserved: Collection[str] = ()) -> list[str]:
     """Return an identifier for every name, valid in all languages. All are different, even if
-    capitals are ignored, and none is equal to a name in `taken`.
+    capitals are ignored, and none is equal to a name in `reserved`.
 
     A name stays unchanged if possible, otherwise a number is appended. Characters other than ASCII
     letters and digits become `_`. A `u` precedes names that do not begin with a letter: `_Bool` and
@@ -213,7 +213,7 @@ def identifiers(names: Iterable[str], taken: Collection[str] = ()) -> list[str]:
     """
     wanted = [re.sub(r"[^A-Za-z0-9_]", "_", name)[:LONGEST] for name in names]
     wanted = [name if name[:1].isalpha() else f"u{name}" for name in wanted]
-    used = {*WORDS, *(word.lower() for word in taken)}
+    used = {*WORDS, *(word.lower() for word in reserved)}
     kept = {name.lower() for name in wanted}
     unique: list[str] = []
     for name in wanted:

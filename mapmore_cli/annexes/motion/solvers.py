@@ -105,20 +105,20 @@ def fly(
     first, last = walls if begin is None else begin
     x = first + (last - first) * rng.random((PARTICLES, len(first)))
     v = np.zeros_like(x)
-    own, own_cost = x, np.array([cost(each) for each in x])
+    own_best, own_cost = x, np.array([cost(each) for each in x])
     history = [float(own_cost.min())]
     for _ in range(ITERATIONS):
-        common = own[np.argmin(own_cost)]
+        common = own_best[np.argmin(own_cost)]
         r1, r2 = rng.random(x.shape), rng.random(x.shape)
-        v = INERTIA * v + OWN * r1 * (own - x) + COMMON * r2 * (common - x)
+        v = INERTIA * v + OWN * r1 * (own_best - x) + COMMON * r2 * (common - x)
         reached = np.clip(x + v, low, high)
         v = np.where(reached == x + v, v, 0.0)
         x = reached
         now = np.array([cost(each) for each in x])
         better = now < own_cost
-        own[better], own_cost[better] = x[better], now[better]
+        own_best[better], own_cost[better] = x[better], now[better]
         history.append(float(own_cost.min()))
-    return own[np.argmin(own_cost)], history
+    return own_best[np.argmin(own_cost)], history
 
 
 # in `|P3| = |gain| |1 - P1 - P2|`, the second factor is smaller than 4 for every stable section

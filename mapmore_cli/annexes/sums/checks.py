@@ -15,8 +15,8 @@ from mapmore_cli.study.tree import Loc
 
 def findings(spec: ExperimentSpec) -> Iterator[Finding]:
     """Check every sum of a study: the model of the study and its competitors."""
-    own: tuple[Loc, Sequence[Summand] | None] = (("model",), spec.model.sum)
-    for loc, parts in [own, *((loc, rival.sum) for loc, rival in rivals_of(spec))]:
+    of_model: tuple[Loc, Sequence[Summand] | None] = (("model",), spec.model.sum)
+    for loc, parts in [of_model, *((loc, rival.sum) for loc, rival in rivals_of(spec))]:
         if parts is not None:
             yield from _sum(spec, parts, (*loc, "sum"))
 

@@ -139,11 +139,11 @@ def refuse_shared_names(inputs_of: Sequence[tuple[str, Sequence[str], Mapping[st
                 f"give each its own quantity: `inputs: {{{name}: {name}_1}}` and `inputs: "
                 f"{{{name}: {name}_2}}`"
             )
-            one = f"if it is the same quantity, write `inputs: {{{name}: {name}}}` for both"
+            same_input = f"if it is the same quantity, write `inputs: {{{name}: {name}}}` for both"
             raise SpecError(
                 f"{first} and {second} both have an input called `{name}`; it may be a "
                 "different quantity in each",
-                f"{remedy}; {one}",
+                f"{remedy}; {same_input}",
             )
 
 
@@ -185,9 +185,9 @@ def joint_formula(summands: Sequence[Summand]) -> Formula:
     own_forms = [part.form or LinearForm(part.text, part.linear, {}) for part in parts]
     signs = [float(summand.sign) for summand in summands]
     form = LinearForm(
-        _sum(signs, [own.text for own in own_forms]),
-        tuple(name for own in own_forms for name in own.linear),
-        {name: text for own in own_forms for name, text in own.printed.items()},
+        _sum(signs, [part.text for part in own_forms]),
+        tuple(name for part in own_forms for name in part.linear),
+        {name: text for part in own_forms for name, text in part.printed.items()},
     )
     names = [
         f"{'-' if sign < 0 else '+'} {part.name}" for sign, part in zip(signs, parts, strict=True)
@@ -213,33 +213,35 @@ def _numbered(formula: Formula, number: int) -> Formula:
             "use another formula, or fit it in a run of its own, and name its spec as `model`",
         )
 
-    def own(name: str | None) -> str:
+    def numbered(name: str | None) -> str:
         return f"{name}_{number}"
 
     def renamed(text: str) -> str:
         expression = parse(text)
-        return to_text(substitute(expression, {name: Name(own(name)) for name in expression.names}))
+        return to_text(
+            substitute(expression, {name: Name(numbered(name)) for name in expression.names})
+        )
 
     form = formula.form
     return replace(
         formula,
-        inputs=tuple(map(own, formula.inputs)),
-        parameters=tuple(map(own, formula.parameters)),
+        inputs=tuple(map(numbered, formula.inputs)),
+        parameters=tuple(map(numbered, formula.parameters)),
         text=renamed(formula.text),
         nonlinear=tuple(
             replace(
                 parameter,
-                name=own(parameter.name),
-                per=parameter.per and own(parameter.per),
-                of=parameter.of and own(parameter.of),
+                name=numbered(parameter.name),
+                per=parameter.per and numbered(parameter.per),
+                of=parameter.of and numbered(parameter.of),
             )
             for parameter in formula.nonlinear
         ),
         form=form
         and LinearForm(
             renamed(form.text),
-            tuple(map(own, form.linear)),
-            {own(name): renamed(text) for name, text in form.printed.items()},
+            tuple(map(numbered, form.linear)),
+            {numbered(name): renamed(text) for name, text in form.printed.items()},
         ),
     )
 

@@ -59,14 +59,14 @@ def _never_pulls(recording: Recording) -> bool:
     return above < PULL * (above + below)
 
 
-def _turned(subject: Subject, what: str, where: str) -> Issue:
+def _turned(subject: Subject, label: str, where: str) -> Issue:
     column = subject.spec.data.columns.get("force")
     scale = 1.0 if column is None else column.scale
     return Issue(
         "warning",
         "force-never-positive",
         subject.source("force"),
-        f"{what}: its sign seems to be inverted",
+        f"{label}: its sign seems to be inverted",
         f"write `scale: {-scale:g}`{where}, so that a pulling force is positive",
     )
 

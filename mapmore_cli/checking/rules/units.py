@@ -62,15 +62,23 @@ def unit_line(subject: Subject) -> Issues:
     """Find header lines whose units contradict the spec, for example kN below the name of a column
     that is read in N.
     """
-    sources = [*dict.fromkeys(one.source for one in subject.recordings)][:LOOKED_AT]
-    yield from dict.fromkeys(issue for one in sources for issue in _units_below(subject, one))
+    issues = (issue for source in _sources(subject) for issue in _units_below(subject, source))
+    yield from dict.fromkeys(issues)
+
+
+def _sources(subject: Subject) -> list[str]:
+    """Return the files of the recordings, at most `LOOKED_AT` of them."""
+    return [*dict.fromkeys(recording.source for recording in subject.recordings)][:LOOKED_AT]
 
 
 def _columns_of(data: Data, source: str) -> dict[str, SourceColumn]:
     """Return the columns of a file, with the names and units that are given for this file only."""
-    entries = (one for one in data.files if isinstance(one, FileEntry))
-    own = (one.columns for one in entries if PurePath(source).match(one.path))
-    return {**data.columns, **{name: one for columns in own for name, one in columns.items()}}
+    entries = (entry for entry in data.files if isinstance(entry, FileEntry))
+    columns_of_entries = (entry.columns for entry in entries if PurePath(source).match(entry.path))
+    return {
+        **data.columns,
+        **{name: column for columns in columns_of_entries for name, column in columns.items()},
+    }
 
 
 def _header(subject: Subject, source: str) -> Top | None:
@@ -80,7 +88,7 @@ def _header(subject: Subject, source: str) -> Top | None:
     """
     data = subject.spec.data
     peek = READERS[data.reader].peek
-    tables = [data.table, *(one.table for one in data.files if isinstance(one, FileEntry))]
+    tables = [data.table, *(entry.table for entry in data.files if isinstance(entry, FileEntry))]
     if peek is None or int(data.header) < 2 or {*tables} != {None}:
         # if the spec selects a table of the file, the first lines may belong to another table
         return None
@@ -102,7 +110,7 @@ def header_of_numbers(subject: Subject) -> Issues:
     because they are read as header lines. A line that only numbers the columns (`1`, `2`, `3`) is
     allowed.
     """
-    for source in [*dict.fromkeys(one.source for one in subject.recordings)][:LOOKED_AT]:
+    for source in _sources(subject):
         top = _header(subject, source)
         rows = [] if top is None else [row for row in top.rows[1:] if _is_sample(row, top)]
         if rows:

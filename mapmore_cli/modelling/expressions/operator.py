@@ -232,10 +232,10 @@ def along(
     If the piece continues an earlier piece, the state continues too. `before` then holds the last
     values of the state and of the source in the earlier piece.
     """
-    own, source = map(_from_first_number, before)
-    if len(own):
+    states, source = map(_from_first_number, before)
+    if len(states):
         rule = operator.recursion(setting)
-        return run_recursion(rule, x, _latest(own, rule.own), _latest(source, rule.source))
+        return run_recursion(rule, x, _latest(states, rule.own), _latest(source, rule.source))
     values = np.full(len(x), np.nan)
     known = ~np.isnan(x)
     if known.any():
@@ -273,8 +273,8 @@ def from_rest(rule: Recursion, x: Array) -> Array:
     return np.append(rest, run_recursion(rule, x[1:], [rest] * rule.own, [first] * rule.source))
 
 
-def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]) -> Array:
-    """Return the values of a recursion along x, shape (n,). `own` holds the last values of the
+def run_recursion(rule: Recursion, x: Array, states: list[float], past: list[float]) -> Array:
+    """Return the values of a recursion along x, shape (n,). `states` holds the last values of the
     state, and `past` holds the last values of x, the latest first.
 
     A linear recursion is computed as a filter, and a recursion without memory for all samples at
@@ -291,13 +291,13 @@ def run_recursion(rule: Recursion, x: Array, own: list[float], past: list[float]
         # Compute the contribution of the values before x[0] to the filter.
         # SciPy's `lfiltic` is not used, because for short pieces it takes longer than the filter.
         carried = [
-            sum(map(mul, b[step:], past)) - sum(map(mul, a[step:], own))
+            sum(map(mul, b[step:], past)) - sum(map(mul, a[step:], states))
             for step in range(1, max(len(a), len(b)))
         ]
         return np.asarray(lfilter(b, a, x, zi=carried)[0])
     values = []
     for now in x.tolist():
-        value = rule.next(FLOATS, *own, now, *past)
+        value = rule.next(FLOATS, *states, now, *past)
         values.append(value)
-        own, past = [value, *own[:-1]], [now, *past][: rule.source]
+        states, past = [value, *states[:-1]], [now, *past][: rule.source]
     return np.array(values)

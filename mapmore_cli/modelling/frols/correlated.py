@@ -85,9 +85,9 @@ def matched(records: _Records) -> Noise:
     if max(records.lengths) < FEWEST or square == 0.0:
         return only
     if n > PART and records.residual[:PART].any():
-        found = matched(records.first(PART))
-        scale = only.white / (found.white + found.drift)
-        return Noise(found.white * scale, found.drift * scale, found.kept)
+        noise = matched(records.first(PART))
+        scale = only.white / (noise.white + noise.drift)
+        return Noise(noise.white * scale, noise.drift * scale, noise.kept)
     white, found_sums = records.expected(0.0), records.sums
     misfit = (found_sums - only.white * white)[1:] / only.white
     if float(np.sum(misfit**2 / records.pairs[1:])) < chdtri(len(misfit), CHANCE):
@@ -107,7 +107,7 @@ def matched(records: _Records) -> Noise:
     best = minimize_scalar(
         lambda time: fitted(time)[0], bounds=ends, method="bounded", options={"xatol": FINE}
     )
-    return min((fitted(start), fitted(float(best.x))), key=lambda one: one[0])[1]
+    return min((fitted(start), fitted(float(best.x))), key=lambda candidate: candidate[0])[1]
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ class _Records:
     def first(self, count: int) -> _Records:
         """Return the first `count` samples, with the basis made orthonormal again."""
         ends = np.minimum(np.cumsum(self.lengths), count)
-        lengths = [one for one in np.diff(ends, prepend=0).tolist() if one]
+        lengths = [length for length in np.diff(ends, prepend=0).tolist() if length]
         basis = np.linalg.qr(self.basis[:count])[0]
         return _Records(basis, self.residual[:count], lengths)
 
@@ -137,7 +137,7 @@ class _Records:
     @cached_property
     def pairs(self) -> Array:
         """For each lag, the number of pairs of samples that are this lag apart."""
-        return np.array([sum(max(one - lag, 0) for one in self.lengths) for lag in self.lags])
+        return np.array([sum(max(length - lag, 0) for length in self.lengths) for lag in self.lags])
 
     @cached_property
     def sums(self) -> Array:
@@ -159,14 +159,16 @@ class _Records:
         """
         turned = _together(self.basis, self.lengths, kept) if kept else self.basis
         inner = self.basis.T @ turned
-        own = self.pairs * np.power(kept, self.lags)
+        of_noise = self.pairs * np.power(kept, self.lags)
         lost = [np.sum((self.basis.T @ x) * inner.T) - 2 * np.sum(x * turned) for x in self.shifts]
-        return own + np.array(lost)
+        return of_noise + np.array(lost)
 
 
 def _rows(lengths: Sequence[int]) -> Iterator[slice]:
     ends = np.cumsum(lengths)
-    yield from (slice(int(end - one), int(end)) for end, one in zip(ends, lengths, strict=True))
+    yield from (
+        slice(int(end - length), int(end)) for end, length in zip(ends, lengths, strict=True)
+    )
 
 
 def _together(columns: Array, lengths: Sequence[int], kept: float) -> Array:
@@ -194,7 +196,7 @@ def _shifted(columns: Array, lengths: Sequence[int], lag: int) -> Array:
     """
     moved = np.zeros_like(columns)
     for rows in _rows(lengths):
-        own, size = columns[rows], max(rows.stop - rows.start - lag, 0)
-        moved[rows][len(own) - size :] += own[:size] / 2
-        moved[rows][:size] += own[len(own) - size :] / 2
+        record, size = columns[rows], max(rows.stop - rows.start - lag, 0)
+        moved[rows][len(record) - size :] += record[:size] / 2
+        moved[rows][:size] += record[len(record) - size :] / 2
     return moved

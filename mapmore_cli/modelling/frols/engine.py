@@ -95,11 +95,11 @@ def frols(
     >>> bool(np.allclose(found.predict(P), 3 * x**2 - 1))
     True
     """
-    found = choose(P, y, Stopping(max_terms, tolerance, stop), weighing).with_errors()
-    M = found.g_all.shape[1]
+    selection = choose(P, y, Stopping(max_terms, tolerance, stop), weighing).with_errors()
+    M = selection.g_all.shape[1]
     if len(names) not in (0, M):
         raise ValueError(f"{M} candidates need {M} names or none, not {len(names)}")
-    return replace(found, candidates=tuple(names))
+    return replace(selection, candidates=tuple(names))
 
 
 def choose(
@@ -183,14 +183,14 @@ def choose_together(problems: Sequence[Regression], stopping: Stopping) -> tuple
             return [_by_gram(problems[0].blocks, stopping, *sigmas)]
         chosen, why, M = _shared_terms(problems, sigmas, stopping)
         alone = Stopping(max(1, len(chosen)), 0.0, "tolerance")
-        found = [
-            _by_gram(one.of(chosen), alone, sigma)
-            for one, sigma in zip(problems, sigmas, strict=True)
+        selections = [
+            _by_gram(problem.of(chosen), alone, sigma)
+            for problem, sigma in zip(problems, sigmas, strict=True)
         ]
-        return [replace(widened(one, chosen, M), stop=why) for one in found]
+        return [replace(widened(selection, chosen, M), stop=why) for selection in selections]
 
-    weighings = [one.weighing for one in problems]
-    return reweighted(weighings, select, [one.of for one in problems])
+    weighings = [problem.weighing for problem in problems]
+    return reweighted(weighings, select, [problem.of for problem in problems])
 
 
 def _shared_terms(
@@ -200,10 +200,10 @@ def _shared_terms(
     and the number M of all candidates.
     """
     parts, wholes, blocks = list[Remainders](), list[float](), list[Blocks]()
-    for one, sigma in zip(problems, sigmas, strict=True):
-        own = one.blocks if sigma is None else weighted(one.blocks, sigma)
-        _, scale, samples = gram(own)
-        blocks.append(divided(own, scale))
+    for problem, sigma in zip(problems, sigmas, strict=True):
+        weighted_blocks = problem.blocks if sigma is None else weighted(problem.blocks, sigma)
+        _, scale, samples = gram(weighted_blocks)
+        blocks.append(divided(weighted_blocks, scale))
         limit = stopping.limit(samples, len(scale) - 1)
         parts.append(BasisRemainders(*_fewer_rows(blocks[-1], samples, len(scale)), limit))
         wholes.append(to_explain(blocks[-1], samples, parts[-1].yy, sigma))

@@ -49,8 +49,8 @@ def weighted(blocks: Blocks, uncertainty: Array) -> Blocks:
     def passed() -> Iterator[tuple[Array, Array]]:
         start = 0
         for P, y in blocks():
-            own = uncertainty[start : start + len(y)]
-            yield P / own[:, None], y / own
+            sigma = uncertainty[start : start + len(y)]
+            yield P / sigma[:, None], y / sigma
             start += len(y)
 
     return passed

@@ -28,7 +28,9 @@ def far_from_zero(pieces: Sequence[SegmentFit], curves: Sequence[Curve]) -> list
     The powers of such an input, for example `1e6 + x`, differ by less than their rounding errors,
     so that the selected terms may be wrong.
     """
-    terms = {term for one in pieces if one.scaling.rule not in PLACED for term in one.candidates}
+    terms = {
+        term for piece in pieces if piece.scaling.rule not in PLACED for term in piece.candidates
+    }
     notes = []
     for name in curves[0].columns:
         if sum(re.search(rf"\b{name}\b", term) is not None for term in terms) < 2:
@@ -55,9 +57,9 @@ def _training_values(curves: Sequence[Curve], name: str) -> Blocks:
 
 def constant_alone(fit: FitResult) -> list[str]:
     """Return a note if the constant is the only chosen term and the model has no backbone."""
-    if fit.backbone is not None or {term for one in fit.pieces for term in one.terms} != {"1"}:
+    if fit.backbone is not None or {term for piece in fit.pieces for term in piece.terms} != {"1"}:
         return []
-    left = max(one.selection.sse / one.selection.yy for one in fit.pieces)
+    left = max(piece.selection.sse / piece.selection.yy for piece in fit.pieces)
     return [
         (
             f"the model is the constant only: it explains all but {left:.2g} of the sum of "

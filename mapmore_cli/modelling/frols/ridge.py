@@ -72,15 +72,16 @@ def select(data: Regularised, max_terms: int, among: IntArray | None = None) -> 
     P = np.vstack([cholesky(data.gram[np.ix_(columns, columns)]), np.zeros((1, len(columns)))])
     y = np.append(solve_triangular(P[:-1], data.products[columns], trans="T"), 0.0)
     y[-1] = np.sqrt(max(0.0, float(data.covariance[-1, -1] - y @ y)))
-    found = frols(P, y, max_terms)
-    k = len(found.chosen)
+    selection = frols(P, y, max_terms)
+    k = len(selection.chosen)
     if not k:
-        return found
+        return selection
     freedom, total = data.samples - k, data.samples * float(data.covariance[-1, -1])
     return replace(
-        widened(found, columns, M),
-        theta_error=found.theta_error * np.sqrt((len(y) - k) / freedom if freedom > 0 else np.nan),
-        sse=total * data.unexplained(columns[found.chosen], found.theta),
+        widened(selection, columns, M),
+        theta_error=selection.theta_error
+        * np.sqrt((len(y) - k) / freedom if freedom > 0 else np.nan),
+        sse=total * data.unexplained(columns[selection.chosen], selection.theta),
         yy=total,
         samples=data.samples,
     )

@@ -300,13 +300,17 @@ def in_units(found: Selection, scale: Array) -> Selection:
     )
 
 
-def widened(found: Selection, among: IntArray, M: int) -> Selection:
+def widened(selection: Selection, among: IntArray, M: int) -> Selection:
     """Convert a selection from the candidates `among`, shape (m,), into a selection from all M
     candidates. In the tables, the values of candidates that are not in `among` are NaN.
     """
-    tables = np.full((2, len(found.chosen), M), np.nan)
-    tables[:, :, among] = found.g_all, found.err_all
-    runner_up = np.where(found.runner_up >= 0, among[found.runner_up], -1)
+    tables = np.full((2, len(selection.chosen), M), np.nan)
+    tables[:, :, among] = selection.g_all, selection.err_all
+    runner_up = np.where(selection.runner_up >= 0, among[selection.runner_up], -1)
     return replace(
-        found, chosen=among[found.chosen], g_all=tables[0], err_all=tables[1], runner_up=runner_up
+        selection,
+        chosen=among[selection.chosen],
+        g_all=tables[0],
+        err_all=tables[1],
+        runner_up=runner_up,
     )

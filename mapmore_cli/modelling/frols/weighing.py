@@ -179,19 +179,19 @@ class Choice:
         """Return the selection with standard errors that take two facts into account: residuals are
         correlated within curves or along a few recordings, and samples have robust weights.
         """
-        found, how, weights = self.selection, self.weighing, self.weights
-        k, n = len(found.chosen), found.samples
+        selection, how, weights = self.selection, self.weighing, self.weights
+        k, n = len(selection.chosen), selection.samples
         curves = numbered_curves(how.curves, k)
         if k and (weights is not None or curves is not None):
-            blocks = how.rows(self.only(found.chosen))
-            errors = sandwich_errors(blocks, found.theta, curves, how.loss, weights)
+            blocks = how.rows(self.only(selection.chosen))
+            errors = sandwich_errors(blocks, selection.theta, curves, how.loss, weights)
             count = 0 if curves is None else int(curves.max()) + 1
-            return replace(found, theta_error=errors, curves=count)
+            return replace(selection, theta_error=errors, curves=count)
         if not k or how.recorded is None or k * n > MOST:
-            return found
-        blocks = how.rows(self.only(found.chosen))
-        errors, worth = _errors_along(blocks, found.theta, how.curves, how.recorded)
-        return replace(found, theta_error=errors, worth=worth)
+            return selection
+        blocks = how.rows(self.only(selection.chosen))
+        errors, worth = _errors_along(blocks, selection.theta, how.curves, how.recorded)
+        return replace(selection, theta_error=errors, worth=worth)
 
 
 def _errors_along(
@@ -203,7 +203,7 @@ def _errors_along(
     P, y = map(np.concatenate, zip(*blocks(), strict=True))
     labels = np.zeros(len(y), dtype=np.int64) if curves is None else curves
     order = np.lexsort((recorded, labels))
-    lengths = [one for one in np.bincount(labels).tolist() if one]
+    lengths = [length for length in np.bincount(labels).tolist() if length]
     residual = (y - P @ theta)[order]
     if not np.array_equal(order, np.arange(len(order))):
         P = P[order]
@@ -227,17 +227,23 @@ def reweighted(
       the divisor of each row.
     - `only`: for each output, a function that returns the data of the given candidate terms.
     """
-    weights = [one.start for one in weighings]
-    found = select([one.by(w) for one, w in zip(weighings, weights, strict=True)])
-    robust = weighings[0].loss != "squares" and all(len(one.chosen) for one in found)
+    weights = [weighing.start for weighing in weighings]
+    selections = select([weighing.by(w) for weighing, w in zip(weighings, weights, strict=True)])
+    robust = weighings[0].loss != "squares" and all(
+        len(selection.chosen) for selection in selections
+    )
     for loss in ("huber", weighings[0].loss) if robust else ():
         settled = [
-            one.settled(loss, own(selection.chosen), before)
-            for one, own, selection, before in zip(weighings, only, found, weights, strict=True)
+            weighing.settled(loss, rows_of(selection.chosen), before)
+            for weighing, rows_of, selection, before in zip(
+                weighings, only, selections, weights, strict=True
+            )
         ]
         weights, scales, sigmas = map(list, zip(*settled, strict=True))
-        found = [replace(one, scale=s) for one, s in zip(select(sigmas), scales, strict=True)]
-    return tuple(map(Choice, found, weighings, only, weights))
+        selections = [
+            replace(selection, scale=s) for selection, s in zip(select(sigmas), scales, strict=True)
+        ]
+    return tuple(map(Choice, selections, weighings, only, weights))
 
 
 def scale_of(residual: Array, y: Array) -> float:

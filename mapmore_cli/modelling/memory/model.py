@@ -218,7 +218,7 @@ class MemoryVerbs(Verbs):
         sample.
         """
         body = model.body_of(Memory)
-        own = body.model
+        memory = body.model
         limits = united(
             [
                 *(curve_range.limits for curve_range in body.ranges),
@@ -227,9 +227,9 @@ class MemoryVerbs(Verbs):
         )
         return *formula_equations(body.backbone, units), equation(
             PIECE,
-            own.terms,
-            own.theta,
-            own.scaling,
+            memory.terms,
+            memory.theta,
+            memory.scaling,
             limits,
             units,
             tolerance=RECURSIVE if self.fed_back(model) else TOLERANCE,

@@ -67,9 +67,9 @@ def choose_backbone(
     folds = inner_folds(curves, recipe)
     count = len(folds) if recipe.level is None else inner_level_count(curves, recipe)
     if count < FEWEST_FOLDS:
-        taken = FEW if FEW in names else None
+        backbone = FEW if FEW in names else None
         note = f"{count} inner training {part}(s) are too few to choose a backbone; "
-        return BackboneChoice(taken, f"{note}{taken or 'none'} is used")
+        return BackboneChoice(backbone, f"{note}{backbone or 'none'} is used")
     thinned = [thin(curve, next(iter(recipe.cuts), None)) for curve in curves]
     folds = inner_folds(thinned, recipe)
     errors: dict[str | None, float] = {}
@@ -105,9 +105,11 @@ def possible_backbones(curves: Sequence[Curve], target: str) -> tuple[str | None
     """
     known = {name for name in curves[0].columns if name != target}
     usable = [
-        one.name
-        for one in map(literature.get, literature.names())
-        if one.component == "static" and not one.dimensions and known.issuperset(one.inputs)
+        formula.name
+        for formula in map(literature.get, literature.names())
+        if formula.component == "static"
+        and not formula.dimensions
+        and known.issuperset(formula.inputs)
     ]
     return None, *usable
 

@@ -107,7 +107,8 @@ def _curve_function(m: Writer, curve: CurveFunction, body: Pieces, free: Sequenc
     for name, boundaries in zip(body.variables, curve.boundaries, strict=True):
         m.knot(name, *boundaries.tolist(), *np.concatenate(zones(boundaries, fusion)).tolist())
     functions = {
-        one.cell: _segment_function(m, one, curve, body, names, straight) for one in curve.segments
+        segment.cell: _segment_function(m, segment, curve, body, names, straight)
+        for segment in curve.segments
     }
 
     def inside() -> Expression:

@@ -103,8 +103,8 @@ class Cuts(Settings):
                 "the breakpoints do not increase", f"write `at: {sorted(set(self.at))}`", "at"
             )
         if self.method == "optimal" and self.segments > CELLS:
-            what = f"{self.count} segments do not fit on a grid of {CELLS} cells"
-            raise Contradiction(what, "lower `count`", "count")
+            message = f"{self.count} segments do not fit on a grid of {CELLS} cells"
+            raise Contradiction(message, "lower `count`", "count")
 
 
 @dataclass(frozen=True)
@@ -161,12 +161,12 @@ class Fuse(Joining):
         """Return the extrapolation of a variable below and above its limits; None if the spec gives
         none.
         """
-        said = (
+        sides = (
             self.extrapolation.get(name)
             if isinstance(self.extrapolation, Mapping)
             else self.extrapolation
         )
-        return (said.below, said.above) if isinstance(said, BelowAbove) else (said, said)
+        return (sides.below, sides.above) if isinstance(sides, BelowAbove) else (sides, sides)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tup
     with several terms in a segment are constant outside their range.
     """
     body = model.body_of(Pieces)
-    if not any(len(one.terms) > 1 for one in body.segments):
+    if not any(len(segment.terms) > 1 for segment in body.segments):
         return ()
     if exploding := exploding_curves(model, curves, recipe.target):
         going = sorted(
@@ -41,8 +41,8 @@ def beyond_remarks(model: Model, curves: Sequence[Curve], recipe: Recipe) -> tup
                 "keeps the output constant there"
             ),
         )
-    said = (side for quantity in model.inputs for side in recipe.fuse.beyond(quantity.name))
-    if None not in said:
+    sides = (side for quantity in model.inputs for side in recipe.fuse.beyond(quantity.name))
+    if None not in sides:
         return ()
     return (
         (
@@ -74,12 +74,12 @@ def exploding_curves(model: Model, curves: Sequence[Curve], target: str) -> list
     for name in model.input_names:
         middle = sum(extremes(samples[name])) / 2
         places[name] = middle + (1 + 2 * REACH) * (samples[name][rows] - middle)
-    found = []
-    for one in body.curves:
-        if all(len(segment.terms) < 2 for segment in one.segments):
+    exploding = []
+    for curve in body.curves:
+        if all(len(segment.terms) < 2 for segment in curve.segments):
             continue
-        at = {} if body.level is None else {body.level: np.full(len(rows), one.level)}
+        at = {} if body.level is None else {body.level: np.full(len(rows), curve.level)}
         values = predict(model, {**places, **at})
         if (np.abs(values - (low + high) / 2) > ASTRAY * (high - low)).any():
-            found.append(one.curve)
-    return found
+            exploding.append(curve.curve)
+    return exploding

@@ -108,8 +108,8 @@ def best_placement(
             f"use fewer segments, join small ones with `min_samples: {most + 1}`, loosen "
             "`data.keep`"
         )
-        what = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
-        raise DataError(what, f"{ways}, or set fit.max_terms to less than {max(2, n)}")
+        message = f"segment {segment.id}: {n} training sample(s), too few for {most} term(s)"
+        raise DataError(message, f"{ways}, or set fit.max_terms to less than {max(2, n)}")
     variables = quantities_in(terms)
     outputs = [_samples_of(segment, columns, variables, each, origin) for each in recipes]
     robust = recipe.fit.loss != "squares"

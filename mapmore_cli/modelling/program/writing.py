@@ -265,8 +265,8 @@ def _pruned_statement(statement: Statement, used: Set[str]) -> tuple[Statement, 
                 return None
             sides, names_of_sides = zip(
                 *(
-                    pruned_block(Block(one.statements, tuple(one.results[i] for i in places)))
-                    for one in statement.blocks
+                    pruned_block(Block(block.statements, tuple(block.results[i] for i in places)))
+                    for block in statement.blocks
                 ),
                 strict=True,
             )

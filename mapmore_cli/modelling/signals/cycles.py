@@ -58,8 +58,8 @@ def split_cycles(over: Array, columns: Columns, samples: int) -> Branches:
     runs = _trimmed_runs(over)
     for direction, name in ((1, "contraction"), (-1, "extension")):
         if not runs[direction]:
-            what = f"there is no full load cycle, because the {name} branch is missing"
-            raise DataError(what, REMEDY)
+            message = f"there is no full load cycle, because the {name} branch is missing"
+            raise DataError(message, REMEDY)
     rising, falling = np.concatenate(runs[1]), np.concatenate(runs[-1])
     low = max(over[rising].min(), over[falling].min())
     high = min(over[rising].max(), over[falling].max())

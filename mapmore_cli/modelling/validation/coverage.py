@@ -73,12 +73,12 @@ def outside_hull(known: Array, asked: Array) -> BoolArray:
 
 def _outside(model: Model, dataset: Dataset) -> BoolArray:
     """Return a mask of the held-out samples at which an input lies outside its training range."""
-    found = [
+    masks = [
         outside(model, curve)[curve.held_out]
         for curve in _with_inputs(model, dataset)
         if curve.held_out.any()
     ]
-    return np.concatenate(found or [np.empty(0, np.bool_)])
+    return np.concatenate(masks or [np.empty(0, np.bool_)])
 
 
 def _inputs(model: Model, dataset: Dataset, rows: str) -> dict[str, Array]:

@@ -77,8 +77,8 @@ class Axis:
         """Set the values of the ticks. `names` are the labels of the ticks; without them, the
         labels are the values.
         """
-        places = [float(one) for one in at]
-        words = [f"{one:g}" for one in places] if names is None else names
+        places = [float(place) for place in at]
+        words = [f"{place:g}" for place in places] if names is None else names
         self.hold(places)
         self.ticks = dict(zip(places, words, strict=True))
 

@@ -41,9 +41,9 @@ def drift_drawing(
             ax.plot(per_cent, color=colour, marker="o", markersize=3, label=label)
         ax.set_xticks(range(len(names)), panels.told_apart(names, 22))
 
-    what = style.PLAIN.axis_label(Quantity(output.name, "% of the first"))
+    axis_label = style.PLAIN.axis_label(Quantity(output.name, "% of the first"))
     caption = f"{output.name} at reference points over campaigns, in per cent of the first."
-    return Drawing("drift", caption, (Panel("", on, "Campaign", (what,)),), Layout(2.6))
+    return Drawing("drift", caption, (Panel("", on, "Campaign", (axis_label,)),), Layout(2.6))
 
 
 def draw_model(ax: Axes, model: Model, level: float | None, held_out: Sequence[Curve]) -> None:
@@ -62,7 +62,7 @@ def draw_model(ax: Axes, model: Model, level: float | None, held_out: Sequence[C
             "draw what it returns"
         )
     ranges = model.body.ranges
-    along = varying_input(model, [one.limits for one in ranges])
+    along = varying_input(model, [curve_range.limits for curve_range in ranges])
     colours = iter(style.level_colours(len(ranges) + len(held_out)))
 
     def line(columns: Columns, label: str, dashes: str) -> None:
@@ -72,11 +72,17 @@ def draw_model(ax: Axes, model: Model, level: float | None, held_out: Sequence[C
             half = half_widths_of(model, columns, level)
             panels.shade_between(ax, x, (y - half, y + half), colour)
 
-    for one in ranges:
-        columns = {name: np.full(POINTS, sum(ends) / 2) for name, ends in one.limits.items()}
-        if model.level is not None and one.level is not None:
-            columns[model.level] = np.full(POINTS, one.level)
-        line(columns | {along: np.linspace(*one.limits[along], POINTS)}, one.curve, "-")
+    for curve_range in ranges:
+        columns = {
+            name: np.full(POINTS, sum(ends) / 2) for name, ends in curve_range.limits.items()
+        }
+        if model.level is not None and curve_range.level is not None:
+            columns[model.level] = np.full(POINTS, curve_range.level)
+        line(
+            columns | {along: np.linspace(*curve_range.limits[along], POINTS)},
+            curve_range.curve,
+            "-",
+        )
     for curve in held_out:
         ordered = curve.at(np.argsort(curve.columns[along], kind="stable")).columns
         line(ordered, f"{curve.id}, held out", "--")

@@ -31,13 +31,18 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     unknown.
     """
     recordings = [recording for recording in inputs.dataset.recordings if recording.rows_kept]
-    shown = [recordings[i] for i in places(inputs, [one.id for one in recordings], MOST_RECORDINGS)]
+    shown = [
+        recordings[i]
+        for i in places(inputs, [recording.id for recording in recordings], MOST_RECORDINGS)
+    ]
     target = inputs.dataset.target
     names = dict.fromkeys(
-        name for one in shown for name in (target, *one.columns) if name != "time"
+        name for recording in shown for name in (target, *recording.columns) if name != "time"
     )
     drawn = {"time", *list(names)[:MOST_QUANTITIES]}
-    height = max((len(one.columns.keys() & drawn - {"time"}) for one in shown), default=0)
+    height = max(
+        (len(recording.columns.keys() & drawn - {"time"}) for recording in shown), default=0
+    )
     if height == 0:
         return []
     quantities = {"time": Quantity("time", "s"), **inputs.dataset.quantities}
@@ -45,7 +50,9 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     for recording in shown:
         columns = {
             inputs.axis_label(quantities.get(name, Quantity(name, ""))): values
-            for name, values in sorted(recording.columns.items(), key=lambda one: one[0] != "time")
+            for name, values in sorted(
+                recording.columns.items(), key=lambda column: column[0] != "time"
+            )
             if name in drawn
         }
         if "time" not in recording.columns:

@@ -120,7 +120,7 @@ class Drawing:
         """Description for somebody who cannot see the figure: the caption, and the ranges of the
         numbers in every panel.
         """
-        return " ".join([self.caption, *(one.reach for one in self.panels if one.data)])
+        return " ".join([self.caption, *(panel.reach for panel in self.panels if panel.data)])
 
 
 def drawings(name: str, inputs: ReportInputs) -> list[Drawing]:
@@ -166,7 +166,9 @@ def panel_of(name: str, inputs: ReportInputs, words: str) -> tuple[Drawing, Pane
     Raises UsageError for an unknown panel; the message names the known ones.
     """
     ids, dataset = inputs.ids_of(words), inputs.dataset
-    every = [curve.id for curve in dataset.curves] + [one.id for one in dataset.recordings]
+    every = [curve.id for curve in dataset.curves] + [
+        recording.id for recording in dataset.recordings
+    ]
     known: dict[str, None] = {}
     for asked in (inputs.asked, ids, frozenset(every)):
         for drawing in drawings(name, replace(inputs, asked=asked)):
@@ -249,10 +251,10 @@ def arranged(
     elif width is not None:
         columns = min(columns, max(1, int(columns * width / DOUBLE)))
     width = width or grid.width or (SINGLE if len(panels) == 1 else DOUBLE)
-    names = [title_of(one.title) for one in drawing.panels]
+    names = [title_of(drawn.title) for drawn in drawing.panels]
     headings = titles(names, int((width / columns - BESIDE) / _letter(style.size - 1)))
-    own = [headings[drawing.panels.index(one)] for one in panels]
-    return Arrangement(panels, own, columns, width)
+    headings_of_panels = [headings[drawing.panels.index(drawn)] for drawn in panels]
+    return Arrangement(panels, headings_of_panels, columns, width)
 
 
 def _letter(size: float) -> float:
@@ -298,11 +300,11 @@ def compose(
         subplot_kw={"projection": grid.projection},
     )
     of_panels = every.reshape(rows, stack, columns).swapaxes(1, 2).reshape(-1, stack)
-    for one, heading, axes in zip(panels, headings, of_panels, strict=False):
-        _fill([*axes], one, heading, grid, style, columns)
+    for drawn, heading, axes in zip(panels, headings, of_panels, strict=False):
+        _fill([*axes], drawn, heading, grid, style, columns)
     for ax in of_panels[len(panels) :].flat:
         ax.remove()
-    handles = [one.artist() for one in drawing.legend] or _labelled(figure)
+    handles = [key.artist() for key in drawing.legend] or _labelled(figure)
     figure.set_figheight(rows * grid.height + (0.45 if handles else 0.2))
     if handles:
         labels = [title_of(str(handle.get_label())) for handle in handles]
@@ -367,8 +369,8 @@ def to_svg(figure: Figure, name: str, alt: str) -> str:
             format="svg",
             metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
         )
-    plain = _PROLOGUE.sub("", xml_text(text.getvalue(), "\n"))
-    svg = _GROUP_ID.sub(lambda group: '<g class="map"' if group[1] else "<g", plain)
+    svg_text = _PROLOGUE.sub("", xml_text(text.getvalue(), "\n"))
+    svg = _GROUP_ID.sub(lambda group: '<g class="map"' if group[1] else "<g", svg_text)
     return svg.replace("<svg ", f'<svg role="img" aria-label="{escape(xml_text(alt))}" ', 1)
 
 

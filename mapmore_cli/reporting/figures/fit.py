@@ -106,8 +106,8 @@ class CurveFit:
                         label = f"{title_of(model)} (failed)"
                         ax.plot([], [], "x", color=look.colour, label=label)
             if self.interval is not None:
-                own, look = next(iter(self.looks.items()))
-                for ax, base in ((top, 0.0), (bottom, self.predictions[own][rows])):
+                own_model, look = next(iter(self.looks.items()))
+                for ax, base in ((top, 0.0), (bottom, self.predictions[own_model][rows])):
                     ends = [end[rows] - base for end in self.interval]
                     label = f"{INTERVAL:.0%} interval"
                     panels.shade_between(ax, x, ends, look.colour, label)
@@ -203,19 +203,19 @@ def curve_figures(inputs: ReportInputs, name: str, numbers: Sequence[int]) -> li
         for i, curve in zip(shown, curves, strict=True)
     ]
     which = "training" if name == "training" else "held-out"
-    grid, what, over = Layout(2.65, (2.0, 1.0), common_x=True, common_y="row"), "curves", ""
+    grid, parts, over = Layout(2.65, (2.0, 1.0), common_x=True, common_y="row"), "curves", ""
     thinned = panels.thinned([len(curve.x) for curve in curves])
     if inputs.timed:
-        grid, what, over = (
+        grid, parts, over = (
             Layout(2.5, (2.0, 1.0), columns=1, width=DOUBLE),
             "recordings",
             " over time",
         )
         thinned = ""
     caption = (
-        f"Measured and predicted {inputs.target.name} of the {which} {what}{over}, predicted minus "
-        f"measured below.{_marks(inputs, curves)}{panels.interval_words(inputs)}{thinned}"
-        f"{panels.some_of(len(shown), len(numbers), f'{which} {what}')}"
+        f"Measured and predicted {inputs.target.name} of the {which} {parts}{over}, predicted "
+        f"minus measured below.{_marks(inputs, curves)}{panels.interval_words(inputs)}{thinned}"
+        f"{panels.some_of(len(shown), len(numbers), f'{which} {parts}')}"
         f"{panels.best_of(len(curves[0].looks), len(inputs.models))}"
         f"{panels.beyond_scale(curves[0].far_off)}{own_words(inputs)}"
     )
@@ -236,7 +236,7 @@ def own_words(inputs: ReportInputs) -> str:
         return ""
     if isinstance(inputs.model.body, Formula):
         return f" {OWN} is {inputs.model.body.backbone.name}, fitted to the training samples here."
-    others = ", ".join(one.name for one in inputs.model.body.models)
+    others = ", ".join(part.name for part in inputs.model.body.models)
     return f" {OWN} is made of {others}." if others else ""
 
 
@@ -279,24 +279,27 @@ def training_figures(inputs: ReportInputs) -> list[Drawing]:
     shown = [numbers[i] for i in panels.evenly(len(numbers), MOST_CURVES)]
     if not shown:
         return []
-    own, curves = inputs.own, [curve_fit(inputs, number, training=True) for number in shown]
-    columns, sizes = [curve_data(inputs, one) for one in curves], [len(one.x) for one in curves]
+    model, curves = inputs.own, [curve_fit(inputs, number, training=True) for number in shown]
+    columns, sizes = (
+        [curve_data(inputs, curve) for curve in curves],
+        [len(curve.x) for curve in curves],
+    )
 
     def on(top: Axes, bottom: Axes) -> None:
         panels.zero_line(bottom)
         names = panels.told_apart([curve.title for curve in curves], 24)
         colours = style.level_colours(len(curves))
         for curve, name, colour in zip(curves, names, colours, strict=True):
-            y, line = curve.predictions[own], curve.looks[own].colour
-            if curve.predicted(own):
-                panels.draw_band(top, curve.x, y, color=line, zorder=3, label=own)
+            y, line = curve.predictions[model], curve.looks[model].colour
+            if curve.predicted(model):
+                panels.draw_band(top, curve.x, y, color=line, zorder=3, label=model)
                 panels.draw_band(bottom, curve.x, y - curve.y, color=colour, linewidth=0.8)
             panels.draw_dots(top, curve.x, curve.y, color=colour, markersize=2.0, label=name)
 
     data = {"curve": np.repeat([curve.title for curve in curves], sizes)}
     data |= {name: np.concatenate([column[name] for column in columns]) for name in columns[0]}
     caption = (
-        f"The training curves with {own} above, its error (predicted minus measured) below."
+        f"The training curves with {model} above, its error (predicted minus measured) below."
         f"{panels.thinned(sizes)}"
         f"{panels.some_of(len(curves), len(numbers), 'training curves')}{own_words(inputs)}"
     )

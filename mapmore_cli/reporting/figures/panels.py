@@ -247,8 +247,8 @@ def told_apart(names: Sequence[str], length: int) -> list[str]:
     if len({*names}) < 2 or max(map(len, names)) <= length:
         return [shorten(name, length) for name in names]
     parts = [re.split(r"(?<=[^A-Za-z0-9])", name) for name in names]
-    head, tail = _alike(parts), _alike([one[::-1] for one in parts])
-    cut = ["".join(["…"[:head], *one[head : len(one) - tail], "…"[:tail]]) for one in parts]
+    head, tail = _alike(parts), _alike([part[::-1] for part in parts])
+    cut = ["".join(["…"[:head], *part[head : len(part) - tail], "…"[:tail]]) for part in parts]
     names_of_cut = [shorten(name, length) for name in cut]
     if len({*names_of_cut}) == len({*names}):
         return names_of_cut
@@ -283,7 +283,7 @@ def places(inputs: ReportInputs, ids: Sequence[str], most: int = MOST_PANELS) ->
     otherwise at most `most`, evenly spread.
     """
     if inputs.asked:
-        return [place for place, one in enumerate(ids) if one in inputs.asked]
+        return [place for place, id_ in enumerate(ids) if id_ in inputs.asked]
     return evenly(len(ids), most)
 
 
@@ -295,11 +295,11 @@ def some_curves(inputs: ReportInputs, numbers: Sequence[int], most: int = MOST_P
     return [numbers[i] for i in places(inputs, ids, most)]
 
 
-def some_of(shown: int, count: int, what: str) -> str:
+def some_of(shown: int, count: int, things: str) -> str:
     """Return a sentence that says how many of `count` objects are drawn. Return an empty text if
     all of them are drawn.
     """
-    return "" if shown == count else f" {shown} of {count} {what} are drawn, evenly spread."
+    return "" if shown == count else f" {shown} of {count} {things} are drawn, evenly spread."
 
 
 def best_of(shown: int, count: int) -> str:

@@ -29,7 +29,7 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     """
     if not inputs.validation.residual_tests:
         return []
-    own, *others = inputs.validation.residual_tests
+    test_of_model, *others = inputs.validation.residual_tests
     colour = looks_of(inputs)[inputs.own].colour
     known = {quantity.name: quantity for quantity in inputs.model.inputs}
 
@@ -46,8 +46,8 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     panels = []
     worst = sorted(others, key=lambda test: -test.beyond / max(test.tested, 1))[:MOST_INPUTS]
     names = {test.name for test in worst}
-    for test in (own, *(test for test in others if test.name in names)):
-        if test is own:
+    for test in (test_of_model, *(test for test in others if test.name in names)):
+        if test is test_of_model:
             x_label = "Lag (samples)" if inputs.timed else f"Lag along {along} (samples)"
             y_label, title = "Autocorrelation (–)", "of the residuals"
         elif inputs.timed:
@@ -60,14 +60,14 @@ def draw(inputs: ReportInputs) -> list[Drawing]:
     rows = "held-out" if inputs.holds_out else "training"
     caption = (
         f"Residual tests of {inputs.own} on the {rows} samples. Grey: the range of 95 % of the "
-        f"values if the errors are noise. {_autocorrelation(inputs, own)} "
+        f"values if the errors are noise. {_autocorrelation(inputs, test_of_model)} "
         f"{_of_inputs(inputs, others)}"
         f"{'' if len(worst) == len(others) else f' The {MOST_INPUTS} worst inputs are drawn.'}"
     )
     return [Drawing("residuals", caption, tuple(panels), Layout(1.9))]
 
 
-def _autocorrelation(inputs: ReportInputs, own: ResidualTest) -> str:
+def _autocorrelation(inputs: ReportInputs, test: ResidualTest) -> str:
     """Return a sentence that says in plain words what the autocorrelation of the residuals
     shows.
     """
@@ -76,16 +76,16 @@ def _autocorrelation(inputs: ReportInputs, own: ResidualTest) -> str:
     )
     meaning = f"are alike, so there is {cause} (or drift) that the model misses."
     by_chance = ""
-    if not own.fails:
+    if not test.fails:
         by_chance, meaning = ", about as many as by chance", "do not depend on each other."
-    count = f"{own.beyond} of {own.tested} lags lie outside{by_chance}"
+    count = f"{test.beyond} of {test.tested} lags lie outside{by_chance}"
     return f"Autocorrelation: {count}: neighbouring errors {along} {meaning}"
 
 
 def _of_inputs(inputs: ReportInputs, tests: list[ResidualTest]) -> str:
     if not tests:
         return "No input varies."
-    counts = ", ".join(f"{one.name} {one.beyond} of {one.tested} outside" for one in tests)
+    counts = ", ".join(f"{test.name} {test.beyond} of {test.tested} outside" for test in tests)
     meaning = (
         "A lag outside means that the input acts in a way that the model lacks; a negative lag "
         "outside means that the output acts back on the input."

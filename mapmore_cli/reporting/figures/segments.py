@@ -85,7 +85,7 @@ def segment_curves(inputs: ReportInputs, variable: int) -> list[SegmentCurve]:
 def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: str) -> Drawing:
     every = segment_curves(inputs, variable)
     shown = [every[i] for i in panels.places(inputs, [curve.id for curve in every])]
-    along, target = (inputs.dataset.quantities[one] for one in (name, inputs.fitted))
+    along, target = (inputs.dataset.quantities[key] for key in (name, inputs.fitted))
     drawn = []
     for curve in shown:
         weights = cell_weights(curve.x, curve.boundaries, fusion).T
@@ -93,7 +93,10 @@ def _variable_figure(inputs: ReportInputs, fusion: Fusion, variable: int, name: 
             panels.heading(along): curve.x,
             panels.heading(target): curve.y,
             "segment": curve.cell,
-            **{f"weight of segment {place}": one for place, one in enumerate(weights, start=1)},
+            **{
+                f"weight of segment {place}": weight
+                for place, weight in enumerate(weights, start=1)
+            },
         }
         labels = (inputs.axis_label(along), (inputs.axis_label(target), "Weight (–)"))
         on = partial(draw_segments, curve=curve, fusion=fusion)
@@ -170,8 +173,8 @@ def level_figures(inputs: ReportInputs, pieces: Pieces) -> list[Drawing]:
         data[f"{inputs.own} at {along.name} {place:.6g} [{output.unit}]"] = y
     at = f"{along.name} {', '.join(f'{place:.3g}' for place in places)}"
     at += "" if along.unit == "1" else f" {along.unit}"
-    what = f"{inputs.own} over {level.name} at {at}"
-    caption = f"The {output.name} of {what}; dots mark the training levels."
+    drawn = f"{inputs.own} over {level.name} at {at}"
+    caption = f"The {output.name} of {drawn}; dots mark the training levels."
     caption += panels.some_of(len(marked), len(levels), "training levels")
     if pieces.fusion.shrink < 1.0:
         caption += (

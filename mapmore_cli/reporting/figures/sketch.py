@@ -78,8 +78,8 @@ class Sketch:
         """Draw a line, dots or both. The axes are extended to include all points only if `scales`
         is True.
         """
-        values = [np.asarray(one, dtype=np.float64) for one in args if not isinstance(one, str)]
-        marker = next((one for one in args if isinstance(one, str) and one in SHAPES), None)
+        values = [np.asarray(arg, dtype=np.float64) for arg in args if not isinstance(arg, str)]
+        marker = next((arg for arg in args if isinstance(arg, str) and arg in SHAPES), None)
         if marker:
             look = {"marker": marker, "linestyle": "none"} | look
         elif isinstance(args[-1], str):

@@ -39,7 +39,7 @@ def sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure | None:
     Return None if Matplotlib must draw the figure: it has three-dimensional axes, a panel calls
     methods that a `Sketch` lacks, or an axis label of the user contains a formula.
     """
-    if drawing.grid.projection or any("$" in own for own in style.labels.values()):
+    if drawing.grid.projection or any("$" in label for label in style.labels.values()):
         return None
     try:
         return _sketched(drawing, style)
@@ -49,24 +49,24 @@ def sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure | None:
 
 def _sketched(drawing: Drawing, style: FigureStyle) -> RenderedFigure:
     plan, size, grid = arranged(drawing, style), style.size - 1, drawing.grid
-    panels = [_filled(one.draw, grid.stack, plan.columns, size) for one in plan.panels]
+    panels = [_filled(panel.draw, grid.stack, plan.columns, size) for panel in plan.panels]
     _share_axes(panels, plan.columns, grid.common_x, grid.common_y)
-    keys: dict[str, dict[str, Any]] = {one.label: one.look for one in drawing.legend}
+    keys: dict[str, dict[str, Any]] = {entry.label: entry.look for entry in drawing.legend}
     for sheet in (sheet for panel in panels for sheet in panel if not drawing.legend):
         keys |= {label: look for label, look in sheet.keys.items() if label not in keys}
     above = max(heading.count("\n") + 1 if heading else 0 for heading in plan.headings) * size * 1.2
     room = [
-        _room_left(panel, one.y_labels, size)
-        for panel, one in zip(panels, plan.panels, strict=True)
+        _room_left(panel, planned.y_labels, size)
+        for panel, planned in zip(panels, plan.panels, strict=True)
     ]
     width, height = plan.width * POINTS / plan.columns, grid.height * POINTS
     entries, start = _legend([_entry(*key, style) for key in keys.items()], plan.width, style)
     parts = [f'<div class="keys">{entries}</div>'] if entries else []
-    for number, (one, heading) in enumerate(zip(plan.panels, plan.headings, strict=True)):
+    for number, (planned, heading) in enumerate(zip(plan.panels, plan.headings, strict=True)):
         left = max(room[number % plan.columns :: plan.columns])
-        inside = _panel(panels[number], one, heading, (left, above + 4, width, height), style)
+        inside = _panel(panels[number], planned, heading, (left, above + 4, width, height), style)
         alt = drawing.caption if number == 0 else ""
-        alt = f"{alt} {one.reach if one.data else ''}".strip() or one.title
+        alt = f"{alt} {planned.reach if planned.data else ''}".strip() or planned.title
         named = f'class="panel" role="img" aria-label="{escape(xml_text(alt))}"'
         row, column = divmod(number, plan.columns)
         place = (column * width, start + row * height, width, height)
@@ -105,7 +105,9 @@ def _svg(
     readable on narrow and on wide pages, and as large as in the other figures.
     """
     family = escape(f"{style.font}, sans-serif" if style.font else "sans-serif")
-    where = dict(zip(("x", "y", "width", "height"), (round(one, 1) for one in place), strict=True))
+    where = dict(
+        zip(("x", "y", "width", "height"), (round(number, 1) for number in place), strict=True)
+    )
     _, _, width, height = place
     ends = f"min-width: {width * SMALLEST / (style.size - 1):.0f}px; "
     ends += f"max-width: {width * SCREEN:.0f}px"
@@ -178,7 +180,7 @@ def _room_left(panel: list[Sketch], labels: Sequence[str], size: float) -> float
     ticks and of the y axes.
     """
     words = [words for sheet in panel for words in sheet.yaxis.labels().values()]
-    longest = max((_width(line) for one in words for line in one.split("\n")), default=0.0)
+    longest = max((_width(line) for label in words for line in label.split("\n")), default=0.0)
     lines = max((label.count("\n") + 1 for label in labels if label), default=0)
     return size * longest + 6 + lines * (size + 2.5)
 

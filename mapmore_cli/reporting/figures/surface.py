@@ -41,8 +41,8 @@ def plane_of(inputs: ReportInputs) -> Plane | None:
     fewer inputs, if one of them was not measured or does not vary, or if curves are drawn over
     time.
     """
-    pair = sorted(inputs.model.inputs, key=lambda one: one.name == inputs.dataset.level)
-    names, curves = tuple(one.name for one in pair), inputs.dataset.curves
+    pair = sorted(inputs.model.inputs, key=lambda quantity: quantity.name == inputs.dataset.level)
+    names, curves = tuple(quantity.name for quantity in pair), inputs.dataset.curves
     measured = all(name in curve.columns for curve in curves for name in names)
     if inputs.timed or len(names) != 2 or not measured:
         return None

@@ -58,8 +58,8 @@ def scripts(texts: Iterable[str]) -> tuple[Script, ...]:
     element `script` too early.
     """
     made = tuple(Script(f"\n{text.strip()}\n") for text in texts)
-    for one in made:
-        if "</script" in one.text.lower() or "<!--" in one.text:
+    for script in made:
+        if "</script" in script.text.lower() or "<!--" in script.text:
             raise ValueError(
                 "a script contains `</script` or `<!--`, which would end the HTML element `script` "
                 "too early"

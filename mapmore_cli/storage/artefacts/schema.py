@@ -68,12 +68,12 @@ LONGEST_PLACE = 200
 
 class Invalid(Exception):
     """Error for a file that does not have the right format. `where` is the path inside the file,
-    and `what` describes the fault.
+    and `problem` describes the fault.
     """
 
-    def __init__(self, where: str, what: str) -> None:
+    def __init__(self, where: str, problem: str) -> None:
         # the path is shortened, because in a damaged file a name may be very long
-        super().__init__(f"{shortened(where.lstrip('/'), LONGEST_PLACE) or 'the root'}, {what}")
+        super().__init__(f"{shortened(where.lstrip('/'), LONGEST_PLACE) or 'the root'}, {problem}")
 
 
 @contextmanager
@@ -257,9 +257,9 @@ def encoded(
     if isinstance(value, range):
         return [value.start, value.stop]
 
-    def part(key: object, step: str, member: object, own: object) -> object:
+    def part(key: object, step: str, member: object, member_hint: object) -> object:
         at = (label[0], label[1].replace("*", str(key)))
-        return encoded(member, own, put, units, f"{path}/{step}", at)
+        return encoded(member, member_hint, put, units, f"{path}/{step}", at)
 
     if isinstance(value, Mapping):
         return {
@@ -268,7 +268,7 @@ def encoded(
         }
     if isinstance(value, tuple):
         hints = hints_of_members(form, len(value))
-        return [part(i, f"{i:03d}", *own) for i, own in enumerate(zip(value, hints, strict=True))]
+        return [part(i, f"{i:03d}", *pair) for i, pair in enumerate(zip(value, hints, strict=True))]
     raise TypeError(f"{path}: {type(value).__name__} cannot be stored")
 
 

@@ -40,6 +40,6 @@ def reader_of(path: Path) -> Reader | None:
     """
     # the beginning of a pipe is not examined, because a pipe can be read only once
     head = head_of(path) if path.is_file() else b""
-    named = [one for one in READERS.values() if suffix_of(path) in one.suffixes]
-    begun = (one for one in chain(named, READERS.values()) if begins_like(one, head))
+    named = [reader for reader in READERS.values() if suffix_of(path) in reader.suffixes]
+    begun = (reader for reader in chain(named, READERS.values()) if begins_like(reader, head))
     return next(chain(begun, named), None)

@@ -95,8 +95,8 @@ def read_csv(path: Path, request: TableRequest) -> list[RawTable]:
 
 def _parse(lines: Lines, raw: BufferedReader, request: TableRequest) -> RawTable:
     if request.table is not None:
-        layout, found = _rows_of(lines, request)
-        filled = [(number, [*cells]) for number, cells in found]
+        layout, rows_of_table = _rows_of(lines, request)
+        filled = [(number, [*cells]) for number, cells in rows_of_table]
         every_row, *values_of_table = values_of_records(filled, layout)
         columns_of_table = dict(zip(request.columns, values_of_table, strict=True))
         return RawTable(columns_of_table, every_row, request.label)
@@ -156,9 +156,9 @@ def _refuse_thousands(path: Path, table: RawTable, request: TableRequest) -> Non
     for number, (column, values) in enumerate(table.columns.items()):
         if request.cells(column).thousands is None and may_be_grouped(values):
             with open_lines(path, request.encoding, request.label) as (lines, _):
-                layout, found = _rows_of(lines, request)
+                layout, rows_of_table = _rows_of(lines, request)
                 title, place, _ = layout.wanted[number]
-                rows = (row for row in found if place < len(row[1]))
+                rows = (row for row in rows_of_table if place < len(row[1]))
                 cells = ((row, fields[place]) for row, fields in rows)
                 where = f"{request.label}:row {{row}}, column {title}"
                 refuse_grouped(cells, request.decimal, where)
@@ -170,8 +170,8 @@ def _rows_of(lines: Lines, request: TableRequest) -> tuple[TextLayout, Iterable[
         layout, leading, records = _begin(lines, request)
         return layout, chain(leading, records)
     records, delimiter = _records_of(lines, request)
-    found = chosen_table((one for one in records if one[1]), request, _numbers_of(request))
-    return _layout([*(found.header or found.rows)[0][1]], request, delimiter), found.rows
+    table = chosen_table((record for record in records if record[1]), request, _numbers_of(request))
+    return _layout([*(table.header or table.rows)[0][1]], request, delimiter), table.rows
 
 
 def _numbers_of(request: TableRequest) -> Callable[[object], bool]:
@@ -275,8 +275,8 @@ def peek_csv(path: Path, most: int) -> Iterable[Top]:
     """
     with reading(path.name, "text file", UNREADABLE):
         encoding = guess_encoding(path)
-        with open_lines(path, encoding, path.name, errors="replace") as (taken, _):
-            lines = [line.rstrip("\r\n") for line in islice(taken, most)]
+        with open_lines(path, encoding, path.name, errors="replace") as (text, _):
+            lines = [line.rstrip("\r\n") for line in islice(text, most)]
     for row, line in enumerate(lines, start=1):
         if "\0" in line:
             raise with_nul(path.name, row)

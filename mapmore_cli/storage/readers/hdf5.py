@@ -66,7 +66,9 @@ def opened_hdf5(
             _refuse_other_files(file, label)
             # `get` returns None if the name is a link without a target
             members = (file.get(name) for name in file)
-            by_matlab = any("MATLAB_class" in one.attrs for one in members if one is not None)
+            by_matlab = any(
+                "MATLAB_class" in member.attrs for member in members if member is not None
+            )
             if by_matlab or kind == "MAT file":
                 yield _matlab_struct(file, "the file")
             else:
@@ -80,17 +82,17 @@ def _member(node: h5py.HLObject) -> Member:
         return EMPTY
     if fields := node.dtype.names:
         return table_of_fields(fields, node.shape, partial(_reader, node), _noted(node))
-    said = {name: value for name in PACKING if (value := _attribute(node, name)) is not None}
-    for name, value in said.items():
+    packing = {name: value for name in PACKING if (value := _attribute(node, name)) is not None}
+    for name, value in packing.items():
         if isinstance(value, str) and name != UNSIGNED:
             raise DataError(
                 f"{node.name}: its attribute {name} is not a number",
                 "write the attribute as a number",
             )
     read = _reader(node)
-    noted = replace(_noted(node), is_scaled="scale_factor" in said or "add_offset" in said)
+    noted = replace(_noted(node), is_scaled="scale_factor" in packing or "add_offset" in packing)
     return array_of(
-        (lambda selection: _meant(read(selection), said)) if said else read, node.shape, noted
+        (lambda selection: _meant(read(selection), packing)) if packing else read, node.shape, noted
     )
 
 
@@ -135,31 +137,31 @@ def _attribute(node: h5py.HLObject, name: str) -> Values | str | None:
     return text.decode(errors="replace") if isinstance(text, bytes) else str(text)
 
 
-def _meant(stored: Values, said: Mapping[str, Any]) -> Array:
+def _meant(stored: Values, packing: Mapping[str, Any]) -> Array:
     """Return the numbers that stored values mean according to the rules of netCDF: missing and
-    invalid values become NaN, and the others are scaled. `said` holds the attributes of the dataset
-    that state these rules.
+    invalid values become NaN, and the others are scaled. `packing` holds the attributes of the
+    dataset that state these rules.
     """
     kind = stored.dtype.kind
-    if str(said.get(UNSIGNED)).casefold() == "true" and kind == "i":
+    if str(packing.get(UNSIGNED)).casefold() == "true" and kind == "i":
         unsigned = np.dtype(f"u{stored.dtype.itemsize}")
         stored = stored.astype(unsigned)
-        said = {
+        packing = {
             key: value.astype(unsigned) if getattr(value, "dtype", unsigned).kind == "i" else value
-            for key, value in said.items()
+            for key, value in packing.items()
         }
-    factor, offset = said.get("scale_factor", [1.0])[0], said.get("add_offset", [0.0])[0]
+    factor, offset = packing.get("scale_factor", [1.0])[0], packing.get("add_offset", [0.0])[0]
     numbers = stored.astype(np.float64) * factor + offset
     # Limits of valid values are compared with the stored values, as netCDF prescribes.
     # But if the stored values are integers and a limit is a float, the scaled values are compared.
-    limits = [said[key] for key in LIMITS if key in said]
+    limits = [packing[key] for key in LIMITS if key in packing]
     as_meant = kind != "f" and any(limit.dtype.kind == "f" for limit in limits)
     limited = numbers if as_meant else stored
-    least, most = said.get("valid_range", [-np.inf, np.inf])
-    invalid = (limited < said.get("valid_min", [least])[0]) | (
-        limited > said.get("valid_max", [most])[0]
+    least, most = packing.get("valid_range", [-np.inf, np.inf])
+    invalid = (limited < packing.get("valid_min", [least])[0]) | (
+        limited > packing.get("valid_max", [most])[0]
     )
-    for marks in (said[key] for key in MISSING if key in said):
+    for marks in (packing[key] for key in MISSING if key in packing):
         with np.errstate(over="ignore"):
             invalid |= np.isin(stored, marks.astype(stored.dtype) if kind == "f" else marks)
     return np.where(invalid, np.nan, numbers)
@@ -175,8 +177,8 @@ def _reader(dataset: h5py.Dataset, field: str | None = None) -> Callable[[Select
     def read(selection: Selection) -> Values:
         _check_fit(selection, dataset.shape)
         kind = dataset.dtype if field is None else dataset.dtype[field]
-        own = _own_values(dataset, selection)
-        values = own if field is None else own.fields(field)
+        checked = _own_values(dataset, selection)
+        values = checked if field is None else checked.fields(field)
         if kind.kind != "O" or not dataset.shape:
             # this includes a single text (an array without axes), which h5py returns as bytes
             return _written(dataset, selection, np.asarray(values[selection]))
@@ -222,10 +224,12 @@ def _written(dataset: h5py.Dataset, selection: Selection, values: Values) -> Val
     whole = (*selection, *(slice(None),) * (dataset.ndim - len(selection)))
     for part in parts:
         pairs = list(zip(whole, part, strict=True))
-        if all(isinstance(one, slice) or one in indices for one, indices in pairs):
-            absent[tuple(slice(r.start, r.stop) for one, r in pairs if isinstance(one, slice))] = 0
+        if all(isinstance(index, slice) or index in indices for index, indices in pairs):
+            absent[
+                tuple(slice(r.start, r.stop) for index, r in pairs if isinstance(index, slice))
+            ] = 0
     if absent.ndim == 1 and dataset.chunks and not dataset.dtype.names:
-        [axis] = [at for at, one in enumerate(whole) if isinstance(one, slice)]
+        [axis] = [at for at, index in enumerate(whole) if isinstance(index, slice)]
         for end in np.flatnonzero(absent[1:] & ~absent[:-1]) + 1:
             begin = max(end - dataset.chunks[axis], 0)
             is_filled = np.cumsum((values[begin:end] != dataset.fillvalue)[::-1])[::-1] == 0
@@ -362,8 +366,8 @@ def _own_values(dataset: h5py.Dataset, selection: Selection = ()) -> h5py.Datase
     _refuse_other_filters(dataset)
     read = _read.get({})
     lengths = [
-        1 if isinstance(one, int) else length
-        for one, length in zip_longest(selection, dataset.shape)
+        1 if isinstance(index, int) else length
+        for index, length in zip_longest(selection, dataset.shape)
     ]
     # a value takes at least eight bytes, because it becomes a double when it is read
     read[f"{dataset.name}{selection}"] = math.prod(lengths) * max(dataset.dtype.itemsize, 8)
@@ -383,9 +387,9 @@ def _refuse_other_filters(dataset: h5py.Dataset) -> None:
                 import_module("hdf5plugin")  # importing the package registers its filters
         if not h5z.filter_avail(code):
             called = f"{code} ({name.decode(errors='replace')})" if name else str(code)
-            what = f"{dataset.name} is compressed by the filter {called}, which is not installed"
+            message = f"{dataset.name} is compressed by the filter {called}, which is not installed"
             raise DataError(
-                what,
+                message,
                 (
                     "install it with: pip install hdf5plugin; or write the file without it, with "
                     "`h5repack -f NONE`"

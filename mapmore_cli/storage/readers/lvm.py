@@ -38,7 +38,7 @@ KIND = f"{BEGINS} file"
 class LvmSegment:
     """A segment of a file: a header and the rows of cells below it.
 
-    - `said`: entries of the header for each channel, by keyword.
+    - `entries`: entries of the header for each channel, by keyword.
     - `titles`: titles of all columns.
     - `rows`: rows of cells, each with its line number.
     - `open_end`: last lines of the file, if the last line has no line break at its end. Only the
@@ -46,7 +46,7 @@ class LvmSegment:
     - `padding`: number of fill characters at the end of the file. Only the last segment has it.
     """
 
-    said: Mapping[str, Sequence[str]]
+    entries: Mapping[str, Sequence[str]]
     titles: list[str]
     rows: Sequence[Row]
     open_end: OpenEnd | None = None
@@ -56,7 +56,7 @@ class LvmSegment:
         """Return the entry of the header with this keyword for a channel; an empty text if there is
         none.
         """
-        return next(iter(self.said.get(keyword, ())[channel:]), "").strip()
+        return next(iter(self.entries.get(keyword, ())[channel:]), "").strip()
 
     @property
     def decimal(self) -> str:
@@ -114,7 +114,7 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
     """
     label = request.label
     with reading(label, KIND):
-        segments = [one for one in _lvm_segments(path, label) if one.rows]
+        segments = [segment for segment in _lvm_segments(path, label) if segment.rows]
         if not segments:
             raise DataError(f"{label}: has no samples", GET_SAMPLES)
         recordings: list[tuple[LvmSegment, list[Row]]] = []
@@ -130,11 +130,11 @@ def read_lvm(path: Path, request: TableRequest) -> list[RawTable]:
     if len(tables) > 1:
         tables = [replace(table, element=number) for number, table in enumerate(tables)]
     announced, there = int(segments[-1].number("Samples")), len(segments[-1].rows)
-    told = (
+    doubt = (
         f"{label}: its header announces {announced} samples, of which {there} are there; get the "
         "complete file if you can"
     )
-    return [replace(tables[0], doubts=(told,) if there < announced else ()), *tables[1:]]
+    return [replace(tables[0], doubts=(doubt,) if there < announced else ()), *tables[1:]]
 
 
 def _goes_on(
@@ -191,9 +191,9 @@ def _lvm_segments(path: Path, label: str, most: int | None = None) -> list[LvmSe
     for begin, end in pairwise([*starts, len(rows)]):
         ends = [at for at in range(begin, end) if rows[at][1][0] == "***End_of_Header***"]
         if ends and ends[-1] + 1 < end:
-            said = general | {cells[0]: cells[1:] for _, cells in rows[begin : ends[-1]]}
+            entries = general | {cells[0]: cells[1:] for _, cells in rows[begin : ends[-1]]}
             titles = [title.strip() for title in rows[ends[-1] + 1][1]]
-            segments.append(LvmSegment(said, titles, rows[ends[-1] + 2 : end]))
+            segments.append(LvmSegment(entries, titles, rows[ends[-1] + 2 : end]))
     for last in segments[-1:]:
         cells = [cells for _, cells in last.rows[-LAST_LINES:]]
         cut = OpenEnd(len(lines), cells, last.decimal) if whole.is_open else None

@@ -188,9 +188,11 @@ class _Version5:
             )
 
         def element(number: int) -> Member:
-            own = dict(zip(names, inner[number * len(names) :], strict=False))
+            values_of_fields = dict(zip(names, inner[number * len(names) :], strict=False))
             return Member(
-                "a struct", names, lambda field: self.member(own[field], f"{name}.{field}")
+                "a struct",
+                names,
+                lambda field: self.member(values_of_fields[field], f"{name}.{field}"),
             )
 
         if count == 1 and names:

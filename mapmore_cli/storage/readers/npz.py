@@ -26,7 +26,7 @@ def opened_npz(path: Path, label: str, _request: TableRequest | None) -> Iterato
     Raises DataError if the file is no archive, is damaged, or unpacks to far more than its size.
     """
     with reading(label, "NumPy archive (.npz)"), zipfile.ZipFile(path) as archive:
-        names = [one.filename.removesuffix(".npy") for one in archive.infolist()]
+        names = [entry.filename.removesuffix(".npy") for entry in archive.infolist()]
         size = path.stat().st_size
         parts = dict(zip(names, archive.infolist(), strict=True))
         yield group_of("the file", names, lambda name: _npz_array(archive, parts[name], size))

@@ -70,10 +70,10 @@ def _parquet_column(file: ParquetFile, field: Field, size: int) -> Member:
 
 def _unit_noted(file: ParquetFile, field: Field) -> str:
     """Return the unit in the metadata of a column, or in the `attrs` of a pandas frame."""
-    said = {key.decode().casefold(): value for key, value in (field.metadata or {}).items()}
+    metadata = {key.decode().casefold(): value for key, value in (field.metadata or {}).items()}
     for key in UNIT:
-        if key in said:
-            return str(said[key].decode(errors="replace"))
+        if key in metadata:
+            return str(metadata[key].decode(errors="replace"))
     with suppress(ValueError, KeyError, AttributeError):
         attributes = json.loads((file.schema_arrow.metadata or {})[b"pandas"])["attributes"]
         for key in UNIT:

@@ -206,28 +206,28 @@ def _sheets_in(path: Path, label: str, most: int = 0) -> list[SheetCells]:
             "delete the cells far away from the table, and save the workbook again",
         )
     if done.returncode:
-        told = done.stderr.decode(errors="replace").splitlines() if done.returncode > 0 else ()
+        lines = done.stderr.decode(errors="replace").splitlines() if done.returncode > 0 else ()
         most_likely = "reading it takes more memory or processor time than its size explains"
-        raise ValueError(told[-1] if told else most_likely)
+        raise ValueError(lines[-1] if lines else most_likely)
     return [SheetCells(*parts) for parts in json.loads(done.stdout, object_hook=_special_cell)]
 
 
-def _special_cell(said: dict[str, Any]) -> DateCell | Lacking | Percentage:
+def _special_cell(cell: dict[str, Any]) -> DateCell | Lacking | Percentage:
     """Return the object for a cell that the other process has written as a JSON object, because it
     is neither a number nor a text.
     """
-    if "percent" in said:
-        return Percentage(said["percent"])
-    if "stamp" in said:
-        return DateCell(said["stamp"])
-    if not said["lacks"]:
+    if "percent" in cell:
+        return Percentage(cell["percent"])
+    if "stamp" in cell:
+        return DateCell(cell["stamp"])
+    if not cell["lacks"]:
         return Lacking(
             "is a formula that was never computed",
             "open the workbook in Excel or LibreOffice and save it",
             "=",
         )
     remedy = "unmerge them, and write the value into each row"
-    return Lacking(f"is one of the merged cells {said['lacks']}", remedy)
+    return Lacking(f"is one of the merged cells {cell['lacks']}", remedy)
 
 
 def _visible_sheets(sheets: list[SheetCells]) -> list[SheetCells]:
@@ -252,11 +252,11 @@ def _chosen_sheets(
     filled = [sheet for sheet in visible if sheet.filled_rows(request.skip_rows)]
     if request.sheet is None:
         others = [sheet.title for sheet in filled if sheet is not visible[0]]
-        told = (
+        doubt = (
             f"{label}: the sheet '{visible[0].title}' is read, and not {', '.join(others[:4])}; "
             "name the sheet to read with `sheet`"
         )
-        return visible[:1], (told,) if others else ()
+        return visible[:1], (doubt,) if others else ()
     for among in (filled, visible):
         if named := [sheet for sheet in among if fnmatchcase(sheet.title, request.sheet)]:
             return named, ()
@@ -272,8 +272,8 @@ def _table_of_sheet(sheet: SheetCells, request: TableRequest) -> RawTable:
         raise DataError(f"{label}: the sheet is empty", FILL_SHEET)
     if request.table is not None:
         rule = _number_rule(_decimal_in_texts(row for _, row in rows))
-        found = chosen_table(rows, request, rule)
-        rows = [*found.header, *found.rows]
+        selected = chosen_table(rows, request, rule)
+        rows = [*selected.header, *selected.rows]
     top, first = rows[0]
     names = [str(cell).strip() for cell in first] if request.header else None
     places = locate_columns(request, names, len(first))
@@ -285,9 +285,9 @@ def _table_of_sheet(sheet: SheetCells, request: TableRequest) -> RawTable:
     if request.hidden == "drop":
         body = [(number, row) for number, row in body if number not in hidden]
     if not body:
-        what = "no row that is shown" if unseen else "a header but no data"
+        content = "no row that is shown" if unseen else "a header but no data"
         remedy = "Show its rows, or remove `hidden: drop`." if unseen else FILL_SHEET
-        raise DataError(f"{label}: the sheet has {what}", remedy)
+        raise DataError(f"{label}: the sheet has {content}", remedy)
     noted = {
         column: IS_RATIO
         for column, place in places.items()

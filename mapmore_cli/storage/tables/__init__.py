@@ -277,11 +277,11 @@ def locate_columns(
                 raise DataError(f"{label}: there is no column {column}", remedy)
             places[column] = column
         elif names is None:
-            what = (
+            message = (
                 f"{label}: column '{column}' is given by name, but the spec says that the "
                 "file has no header"
             )
-            raise DataError(what, f"Give its index (0 to {width - 1}), or set `header: true`.")
+            raise DataError(message, f"Give its index (0 to {width - 1}), or set `header: true`.")
         elif column not in names:
             raise DataError(
                 f"{label}: there is no column '{column}'",
@@ -289,8 +289,8 @@ def locate_columns(
             )
         else:
             if (count := [name.strip() for name in names].count(column.strip())) > 1:
-                what = f"{label}: column '{column}' occurs {count} times in the header"
-                raise DataError(what, "Give its 0-based index instead.")
+                message = f"{label}: column '{column}' occurs {count} times in the header"
+                raise DataError(message, "Give its 0-based index instead.")
             places[column] = names.index(column)
     return places
 
@@ -368,5 +368,5 @@ def optional_library(module: str, package: str, label: str) -> ModuleType:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        what = f"{label}: reading this file needs {package}, which is not installed"
-        raise DataError(what, "install it with: pip install 'mapmore[formats]'") from error
+        message = f"{label}: reading this file needs {package}, which is not installed"
+        raise DataError(message, "install it with: pip install 'mapmore[formats]'") from error

@@ -51,7 +51,7 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
     as `Maximum:`, belongs to the header if numbers stand below the label. If any other row has too
     few or too many cells, it stays in the table, so that the reader raises an error for it.
     """
-    found: list[Below] = []
+    tables: list[Below] = []
     words: list[Row] = []
     body: list[Row] = []
 
@@ -59,10 +59,10 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
         nonlocal words, body
         if len(body) >= FEWEST and len(words) >= header:
             above, titles = words[: len(words) - header], words[len(words) - header :]
-            found.extend(_side_by_side(above, titles, body))
+            tables.extend(_side_by_side(above, titles, body))
             words = []
-        elif body and found and not (header or words) and _is_next(found[-1].rows, body[0]):
-            found[-1] = replace(found[-1], rows=[*found[-1].rows, *body])
+        elif body and tables and not (header or words) and _is_next(tables[-1].rows, body[0]):
+            tables[-1] = replace(tables[-1], rows=[*tables[-1].rows, *body])
         else:
             words += body
         body = []
@@ -83,7 +83,7 @@ def tables_below(rows: Iterable[Row], header: int, is_number: Callable[[Any], bo
                 close()
         (body if has_numbers else words).append((number, cells))
     close()
-    return _without_head(found)
+    return _without_head(tables)
 
 
 def _without_head(tables: Sequence[Below]) -> list[Below]:
@@ -92,11 +92,11 @@ def _without_head(tables: Sequence[Below]) -> list[Below]:
     largest number of lines of words above any later table: then only the last n lines are kept for
     the first tables. If n is 0, all lines are kept.
     """
-    later = [len(one.above) for one in tables if one.begin > tables[0].begin]
+    later = [len(table.above) for table in tables if table.begin > tables[0].begin]
     lines = max(later, default=0)
     # this removes lines from the first tables only, because no later table has more than `lines` of
     # them
-    return [replace(one, above=one.above[-lines:]) for one in tables] if lines else [*tables]
+    return [replace(table, above=table.above[-lines:]) for table in tables] if lines else [*tables]
 
 
 def names_its_line(cell: Any) -> bool:

@@ -116,8 +116,8 @@ class NotANumber(DataError):
     it is known what the cell is instead, for example the error of a formula.
     """
 
-    def __init__(self, cell: str, said: str, remedy: str, known: bool = True) -> None:
-        super().__init__(f"'{shortened(cell)}' {said}" if cell else said, remedy)
+    def __init__(self, cell: str, problem: str, remedy: str, known: bool = True) -> None:
+        super().__init__(f"'{shortened(cell)}' {problem}" if cell else problem, remedy)
         self.cell, self.known = cell, known
 
     def at(self, where: str, remedy: str | None = None) -> Self:
@@ -245,8 +245,8 @@ class CellReader:
         if self.format is None and value is not None:
             return NUMBER, value
         if self.format is None or not isinstance(cell, str):
-            found = stamp_of(text)
-            return found and (found[0], found[1] * self.second)
+            form_and_time = stamp_of(text)
+            return form_and_time and (form_and_time[0], form_and_time[1] * self.second)
         try:
             stamp = datetime.strptime("" if re.search(FOREIGN, text) else text, self.format)
         except (ValueError, re.error):
@@ -273,10 +273,10 @@ def stamp_of(text: str) -> tuple[str, float] | None:
             zone = " with a zone" if stamp.utcoffset() else ""
             return f"{ISO}{zone}", stamp.replace(tzinfo=stamp.tzinfo or UTC).timestamp()
     for form, (pattern, layout) in _FORMS.items() if len(text) <= LONGEST_STAMP else ():
-        found = re.fullmatch(pattern, text, re.A | re.I)
-        if found is None:
+        match = re.fullmatch(pattern, text, re.A | re.I)
+        if match is None:
             continue
-        part = dict.fromkeys((*_SECONDS, "f", "half", "zone")) | found.groupdict()
+        part = dict.fromkeys((*_SECONDS, "f", "half", "zone")) | match.groupdict()
         whole = sum(int(part[name] or 0) * size for name, size in _SECONDS.items())
         try:
             if layout:

@@ -169,12 +169,11 @@ def line_hint(record: Sequence[str]) -> str | None:
     """Return a remedy for a line that looks like a comment, or whose fields seem to have another
     separator.
     """
-    found = re.match(r"#|%|//|!|\*|;(?!\s*[-+.\d])", record[0].strip() if record else "")
-    if found is None:
+    mark = re.match(r"#|%|//|!|\*|;(?!\s*[-+.\d])", record[0].strip() if record else "")
+    if mark is None:
         return separator_hint(record)
     return (
-        f'The line looks like a comment: write `comment: "{found[0]}"`, which leaves out such '
-        "lines."
+        f'The line looks like a comment: write `comment: "{mark[0]}"`, which leaves out such lines.'
     )
 
 

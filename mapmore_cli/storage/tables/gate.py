@@ -91,11 +91,11 @@ def _with_padding_told(table: RawTable) -> RawTable:
     """
     if not table.padding:
         return table
-    what = (
+    doubt = (
         f"{table.label}: ends with {table.padding} characters of padding (NUL or Ctrl-Z), which "
         "are left out; a logger that reserves space in advance leaves them when it loses power"
     )
-    return replace(table, doubts=(*table.doubts, what))
+    return replace(table, doubts=(*table.doubts, doubt))
 
 
 def _without_cut_rows(table: RawTable, request: TableRequest) -> RawTable:

@@ -89,10 +89,10 @@ def open_lines(
     Lines may end with LF, CR LF or CR.
     """
     with path.open("rb") as raw:
-        found = os.fstat(raw.fileno())
-        packed = found.st_size if is_zipped(raw) else None
+        status = os.fstat(raw.fileno())
+        packed = status.st_size if is_zipped(raw) else None
         lines = Lines(_unzipped(raw), encoding, errors, label, packed)
-        lines.endless = not stat.S_ISREG(found.st_mode)
+        lines.endless = not stat.S_ISREG(status.st_mode)
         yield lines, raw
 
 
@@ -189,9 +189,9 @@ class Lines(Iterator[str]):
     def _line(self) -> bytes:
         """Return the next complete line without consuming it; empty at the end of the text."""
         while True:
-            found = LINE.match(self._held, self._at)
-            if found and (found.end() < len(self._held) or found[0].endswith(b"\n")):
-                return found[0]
+            line = LINE.match(self._held, self._at)
+            if line and (line.end() < len(self._held) or line[0].endswith(b"\n")):
+                return line[0]
             if not self._more():
                 return self._held[self._at :]
 
@@ -297,8 +297,8 @@ def _is_written_in(head: bytes, name: str) -> bool:
     if name not in _PAIRS:
         return True
     pair, frequent = _PAIRS[name]
-    pairs = [one for one in re.findall(rb"[\x00-\x7f]|%b" % pair, head) if len(one) == 2]
-    letters = [one for one in pairs if re.fullmatch(frequent, one)]
+    pairs = [symbol for symbol in re.findall(rb"[\x00-\x7f]|%b" % pair, head) if len(symbol) == 2]
+    letters = [symbol for symbol in pairs if re.fullmatch(frequent, symbol)]
     is_whole = re.fullmatch(rb"(?:[\x00-\x7f]|%b)*[\x81-\xfe]?" % pair, head) is not None
     has_word = re.search(rb"(?:%b){2}" % pair, head) is not None
     return is_whole and has_word and 2 * len(letters) >= len(pairs)
@@ -314,11 +314,11 @@ def csv_records(
     `"20"1.2`, the line is split at every delimiter. Raises DataError if a quotation mark is not
     closed, or if whole records seem to be inside quotation marks.
     """
-    taken: list[str] = []
+    texts: list[str] = []
 
     def remembered() -> Iterator[str]:
         for line in lines:
-            taken.append(line)
+            texts.append(line)
             yield line
 
     reader = csv.reader(remembered(), delimiter=delimiter, strict=True)
@@ -326,21 +326,21 @@ def csv_records(
         try:
             cells = next(reader, None)
         except csv.Error as error:
-            if len(taken) != 1 or "end of data" in str(error):
+            if len(texts) != 1 or "end of data" in str(error):
                 raise _left_open(label, row) from error
-            cells = taken[0].rstrip("\r\n").split(delimiter)
+            cells = texts[0].rstrip("\r\n").split(delimiter)
         if cells is None:
             return
-        if len(taken) > 1 and any(_holds_record(cell, delimiter) for cell in cells):
+        if len(texts) > 1 and any(_holds_record(cell, delimiter) for cell in cells):
             raise _left_open(label, row)
-        row += len(taken)
-        yield "".join(taken), cells, row
-        taken.clear()
+        row += len(texts)
+        yield "".join(texts), cells, row
+        texts.clear()
 
 
 def _left_open(label: str, row: int) -> DataError:
-    what = f"{label}:row {row + 1}: a quotation mark opens here and is not closed"
-    return DataError(what, "close it, or remove it")
+    message = f"{label}:row {row + 1}: a quotation mark opens here and is not closed"
+    return DataError(message, "close it, or remove it")
 
 
 def _holds_record(cell: str, delimiter: str) -> bool:

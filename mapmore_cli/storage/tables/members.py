@@ -200,7 +200,9 @@ def tables(top: Member, request: TableRequest) -> list[RawTable]:
             f"{request.label}: `root: {root}` asks for every element of {base.kind}",
             f"Only cell arrays, struct arrays and groups have elements; write `root: {place}`.",
         )
-    kept = [i for i, one in enumerate(elements) if not base.names or _has_some(one, request)]
+    kept = [
+        i for i, element in enumerate(elements) if not base.names or _has_some(element, request)
+    ]
     recordings = [
         _table_of_member(elements[i], request, f"{label}[{i}]", i)
         for i in kept or range(len(elements))
@@ -286,7 +288,11 @@ def _never_written(noted: Mapping[SourceColumn, Noted]) -> Cut | None:
     """Return evidence that the file is incomplete, if a column has values that were never written;
     otherwise None.
     """
-    counts = {column: one.never_written for column, one in noted.items() if one.never_written}
+    counts = {
+        column: metadata.never_written
+        for column, metadata in noted.items()
+        if metadata.never_written
+    }
     if not counts:
         return None
     column, count = max(counts.items(), key=lambda item: item[1])

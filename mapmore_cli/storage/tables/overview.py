@@ -220,7 +220,7 @@ def _first_recording(here: Member) -> Member | None:
     if (
         count < 2
         or {"time", "signals"} <= shared
-        or any(shared & own for own in names if own != shared)
+        or any(shared & other for other in names if other != shared)
     ):
         return None
     return elements[names.index(shared)]
@@ -233,16 +233,16 @@ def _log(columns: Sequence[NumberColumn]) -> list[NumberColumn]:
     returned.
     """
     for together in (True, False):
-        logs = Counter((one.length, one.group if together else "") for one in columns)
+        logs = Counter((column.length, column.group if together else "") for column in columns)
         several = [log for log, count in logs.items() if count > 1 and log[0] > 1]
         if several:
             length, group = max(several, key=lambda log: (log[0], logs[log]))
             log = [
-                one
-                for one in columns
-                if one.length == length and (not together or group.startswith(one.group))
+                column
+                for column in columns
+                if column.length == length and (not together or group.startswith(column.group))
             ]
-            return log if together else sorted(log, key=lambda one: one.address)
+            return log if together else sorted(log, key=lambda column: column.address)
     return []
 
 
@@ -275,7 +275,11 @@ def _texts_in(member: Member) -> list[str]:
             cells = np.asarray(member.values(())).ravel().tolist()
     else:
         elements = [_readable(member, number) for number in range(size)]
-        cells = [one.values(())[0] for one in elements if one is not None and one.kind == "text"]
+        cells = [
+            element.values(())[0]
+            for element in elements
+            if element is not None and element.kind == "text"
+        ]
     texts = [cell.decode(errors="replace") if isinstance(cell, bytes) else cell for cell in cells]
     names = {text.strip() for text in texts if isinstance(text, str)} - {""}
     return [text.strip() for text in texts] if len(names) == len(texts) == size else []
@@ -306,8 +310,8 @@ def _columns_of(
         return
     columns = values if along else values.T
     fitting = [texts for texts in titles if len(texts) == len(columns)]
-    own = fitting[0] if len(fitting) == 1 else [None] * len(columns)
-    for number, (column, name) in enumerate(zip(columns, own, strict=True)):
+    names = fitting[0] if len(fitting) == 1 else [None] * len(columns)
+    for number, (column, name) in enumerate(zip(columns, names, strict=True)):
         index = f"[{number},:]" if along else f"[:,{number}]"
         yield NumberColumn(f"{address}{index}", name, group, length, column, noted)
 

@@ -52,17 +52,17 @@ def sheets_of(path: Path, most: int) -> list[Sheet]:
     with path.open("rb") as file:
         book = load_workbook(file)
         sheets = []
-        for one in book.sheets_metadata:
-            if one.typ == SheetTypeEnum.WorkSheet:
-                sheet = book.get_sheet_by_name(one.name)
+        for entry in book.sheets_metadata:
+            if entry.typ == SheetTypeEnum.WorkSheet:
+                sheet = book.get_sheet_by_name(entry.name)
                 height, width = (last + 1 for last in sheet.end or (-1, -1))
                 if height * width > room:
-                    print(f"the sheet '{one.name}' spans {height} rows and {width} columns")
+                    print(f"the sheet '{entry.name}' spans {height} rows and {width} columns")
                     sys.exit(TOO_LARGE)
                 rows = sheet.to_python(skip_empty_area=False, nrows=most or None)
                 cells = [[_plain(cell) for cell in row] for row in rows]
                 merged = [(*first, *last, "") for first, last in sheet.merged_cell_ranges or []]
-                every = _facts(path, one.name)
+                every = _facts(path, entry.name)
                 facts = [fact for fact in every if fact[-1] != HIDDEN]
                 # calamine leaves out rows at the end that have no value, although facts about their
                 # cells are known
@@ -70,8 +70,8 @@ def sheets_of(path: Path, most: int) -> list[Sheet]:
                 if end * width <= room:
                     cells += [[""] * len(cells[0]) for _ in range(end - len(cells) if cells else 0)]
                 _mark(cells, [*merged, *facts])
-                is_visible = one.visible == SheetVisibleEnum.Visible
-                sheets.append((one.name, is_visible, cells, *_hidden(every, cells)))
+                is_visible = entry.visible == SheetVisibleEnum.Visible
+                sheets.append((entry.name, is_visible, cells, *_hidden(every, cells)))
         return sheets
 
 
@@ -87,10 +87,10 @@ def _hidden(facts: Iterable[Fact], cells: list[list[Any]]) -> tuple[list[int], l
     """Return the indices of the hidden rows and of the hidden columns among those of `cells`."""
     height, width = len(cells), len(cells[0]) if cells else 0
     rows, columns = set[int](), set[int]()
-    for top, first, bottom, last, said in facts:
-        if said == HIDDEN and bottom == MOST:
+    for top, first, bottom, last, fact in facts:
+        if fact == HIDDEN and bottom == MOST:
             columns |= {*range(first, min(last + 1, width))}
-        elif said == HIDDEN:
+        elif fact == HIDDEN:
             rows |= {*range(top, min(bottom + 1, height))}
     return [*rows], [*columns]
 
@@ -102,17 +102,17 @@ def _mark(cells: list[list[Any]], facts: Iterable[Fact]) -> None:
     width = len(cells[0]) if cells else 0
     # the number of marked cells is limited, because many overlapping ranges would take very long
     left = 4 * width * len(cells)
-    for top, first, bottom, last, said in facts:
+    for top, first, bottom, last, fact in facts:
         rows, columns = range(top, min(bottom + 1, len(cells))), range(first, min(last + 1, width))
         for row, column in islice(product(rows, columns), max(left, 0)):
             left -= 1
-            if said == NEVER_COMPUTED:
+            if fact == NEVER_COMPUTED:
                 cells[row][column] = {"lacks": ""}
-            elif said == PERCENT:
+            elif fact == PERCENT:
                 if isinstance(cells[row][column], int | float):
                     cells[row][column] = {"percent": cells[row][column]}
-            elif said:
-                cells[row][column] = said
+            elif fact:
+                cells[row][column] = fact
             elif cells[row][column] == "" and (row, column) != (top, first):
                 cells[row][column] = {
                     "lacks": f"{letters(first)}{top + 1}:{letters(last)}{bottom + 1}"

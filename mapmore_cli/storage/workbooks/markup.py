@@ -75,12 +75,14 @@ def _percent_styles(archive: zipfile.ZipFile) -> frozenset[str]:
         return frozenset()
     styles = ElementTree.fromstring(archive.read(STYLES))
     formats = {
-        one.get("numFmtId")
-        for one in styles.iterfind(".//{*}numFmts/{*}numFmt")
-        if is_percent(one.get("formatCode", ""))
+        number_format.get("numFmtId")
+        for number_format in styles.iterfind(".//{*}numFmts/{*}numFmt")
+        if is_percent(number_format.get("formatCode", ""))
     } | set(map(str, PERCENT_BUILT_IN))
     cells = styles.iterfind("./{*}cellXfs/{*}xf")
-    return frozenset(str(n) for n, one in enumerate(cells) if one.get("numFmtId") in formats)
+    return frozenset(
+        str(n) for n, cell_format in enumerate(cells) if cell_format.get("numFmtId") in formats
+    )
 
 
 TRUE = ("1", "true")

@@ -22,9 +22,9 @@ def segmented(spec: ExperimentSpec) -> Iterator[Finding]:
     has_terms = spec.model.type == "mapmore" and bool(spec.dictionary)
     interpolated = has_terms and spec.segment.get(level or "") != "none" and not spec.has_memory
     if level == spec.target_quantity and (interpolated or spec.model.type == "auto"):
-        what = f"the levels are those of `{level}`, which is the target itself"
+        message = f"the levels are those of `{level}`, which is the target itself"
         remedy = f"{OF_NOTHING}: name a quantity that is held constant in each recording"
-        yield Finding("data.levels.of", what, remedy)
+        yield Finding("data.levels.of", message, remedy)
     for name, cut in spec.segment.items():
         by_direction = isinstance(cut, CutByDirection)
         yield from applying(

@@ -66,10 +66,10 @@ def _about_family(key: str) -> str:
 
 def _about_numbers(operator: Operator, shape: tuple[Any, ...]) -> Iterator[str]:
     """Yield lines of a docstring, which describe the keys that `_number_fields` makes."""
-    for one in operator.parameters if shape else ():
+    for parameter in operator.parameters if shape else ():
         yield (
-            f"- `{one.key}`: Parameter of each state; there are as many states as numbers. "
-            f"Example: `[{one.example}]`"
+            f"- `{parameter.key}`: Parameter of each state; there are as many states as numbers. "
+            f"Example: `[{parameter.example}]`"
         )
     if shape and operator.spread is not None:
         yield (
@@ -82,12 +82,14 @@ def _number_fields(operator: Operator) -> dict[str, Any]:
     """Return the fields for the parameter of an operator that has exactly one parameter: a list of
     values and, if the operator can choose values itself, the number of values (`count`).
     """
-    (one,) = operator.parameters
-    lower = Field(ge=one.above) if one.or_zero else Field(gt=one.above)
-    upper = Field(lt=None if one.below == inf else one.below)
-    unit_of = always_in(one.unit)
+    (parameter,) = operator.parameters
+    lower = Field(ge=parameter.above) if parameter.or_zero else Field(gt=parameter.above)
+    upper = Field(lt=None if parameter.below == inf else parameter.below)
+    unit_of = always_in(parameter.unit)
     number: Any = Annotated[float, lower, upper, unit_of]
-    fields: dict[str, Any] = {one.key: (Annotated[list[number], Field(min_length=1)] | None, None)}
+    fields: dict[str, Any] = {
+        parameter.key: (Annotated[list[number], Field(min_length=1)] | None, None)
+    }
     return {**fields, "count": (Count | None, None)} if operator.spread is not None else fields
 
 
@@ -423,15 +425,15 @@ def timed_terms(dictionary: Sequence[DictionaryEntry]) -> tuple[str, ...]:
     equal. They count samples (as `lags` do), or use the time between samples (as `slow` does).
     Other kinds of terms, such as `play`, need only the order of the samples.
     """
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     for loc, name, family in entries_of(dictionary):
         is_timed = OPERATORS[name].timed if name in OPERATORS else name not in STATIC
         if is_timed or getattr(family, "window", None):
-            found[name] = None
-        found |= dict.fromkeys(
+            names[name] = None
+        names |= dict.fromkeys(
             used for used in sorted(_names_of(loc, family)) if not state(used).goes_by_order
         )
-    return tuple(found)
+    return tuple(names)
 
 
 def remembers(dictionary: Sequence[DictionaryEntry]) -> bool:

@@ -327,8 +327,10 @@ class Logs(Section):
         """Return the columns that may contain time stamps. These are the columns of `time`, except
         a column from which another quantity is read.
         """
-        others = {at for name, one in self.columns.items() if name != "time" for at in one.places}
-        return frozenset({at for one in self.columns.values() for at in one.places} - others)
+        others = {
+            at for name, column in self.columns.items() if name != "time" for at in column.places
+        }
+        return frozenset({at for column in self.columns.values() for at in column.places} - others)
 
     def _contradictions(self) -> Sequence[Row]:
         reader, has_time = READERS[self.reader], "time" in self.columns
@@ -350,7 +352,9 @@ class Logs(Section):
             ),
             (
                 not reader.by_index
-                and any(isinstance(at, int) for one in self.columns.values() for at in one.places),
+                and any(
+                    isinstance(at, int) for column in self.columns.values() for at in column.places
+                ),
                 f"reader `{reader.name}` finds columns by name, not by number",
                 f"write `column: {reader.column}`",
                 "columns",
@@ -382,7 +386,7 @@ class Logs(Section):
                 "comment",
             ),
             (
-                any(one.format or one.columns or one.unwrap is True for one in others),
+                any(column.format or column.columns or column.unwrap is True for column in others),
                 "`format`, `columns` and `unwrap: true` can be used for `time` only",
                 "remove them elsewhere",
                 "columns",

@@ -89,8 +89,12 @@ class OwnFormula(Section):
             self.name,
             self.source or "the spec",
             to_text(substitute(parse(self.expression), scaled)),
-            {name: one.bounds for name, one in self.parameters.items()},
-            {name: one.unit for name, one in self.parameters.items() if one.unit is not None},
+            {name: parameter.bounds for name, parameter in self.parameters.items()},
+            {
+                name: parameter.unit
+                for name, parameter in self.parameters.items()
+                if parameter.unit is not None
+            },
         )
 
 
@@ -285,7 +289,7 @@ class ModelSettings(Settings):
 
 _TYPE_OF = {
     **dict.fromkeys(("budget", "prefer", "inputs"), "auto"),
-    **{key.name: one.name for one in kinds.kinds() for key in fields(one.settings)},
+    **{key.name: kind.name for kind in kinds.kinds() for key in fields(kind.settings)},
     **{"name": "literature", "backbone": "mapmore", "sum": "sum"},
 }
 """The type of model to which each key belongs. A key of a plugin replaces a key of the search with
@@ -295,7 +299,7 @@ the same name; `name`, `backbone` and `sum` always belong to the types of mapmor
 if TYPE_CHECKING:
     ModelChoice = ModelSettings
 else:  # the keys of the kinds that plugins add come first
-    _ADDED = tuple(one.settings for one in kinds.kinds() if one.settings is not Settings)
+    _ADDED = tuple(kind.settings for kind in kinds.kinds() if kind.settings is not Settings)
     _ABOUT = {"__doc__": ModelSettings.__doc__, "__module__": __name__}
     ModelChoice = dataclass(frozen=True, kw_only=True)(
         type("ModelChoice", (ModelSettings, *_ADDED), _ABOUT)

@@ -69,11 +69,11 @@ class SarosiHinged(Formula):
         blended = self.near is not None and self.near["share"] < 1.0
         part = replace(PLAIN, near=self.near if blended else None)
         curvature = None if self.near is None else self.near["a3"]
-        hinged, plain = hinge.fit_hinge(columns, y, curvature), part.fit(columns, y, method)
-        usable, largest = plain.status == "converged", float(np.abs(y).max()) or 1.0
-        own = plain.parameters if usable else dict.fromkeys(PLAIN.parameters, 0.0)
-        parameters = {**hinged.parameters, "share": 1.0, **own}
-        alone = self.predict(parameters, columns), PLAIN.predict(plain.parameters, columns)
+        hinged, plain_fit = hinge.fit_hinge(columns, y, curvature), part.fit(columns, y, method)
+        usable, largest = plain_fit.status == "converged", float(np.abs(y).max()) or 1.0
+        unhinged = plain_fit.parameters if usable else dict.fromkeys(PLAIN.parameters, 0.0)
+        parameters = {**hinged.parameters, "share": 1.0, **unhinged}
+        alone = self.predict(parameters, columns), PLAIN.predict(plain_fit.parameters, columns)
         scatter = [root_mean_square(predicted - y) / largest for predicted in alone]
         if usable:
             parameters["share"] = 1.0 / (
@@ -88,20 +88,20 @@ class SarosiHinged(Formula):
         else:
             blend = (
                 f"hinged alone (training RMSE {scatter[0]:.2%} of the largest target), as the "
-                f"plain fit is {plain.status}"
+                f"plain fit is {plain_fit.status}"
             )
 
         residual = self.predict(parameters, columns) - y
         unknown = float("nan")
-        errors = plain.errors if usable else dict.fromkeys(PLAIN.parameters, unknown)
-        main = hinged if share > 0.5 else plain
+        errors = plain_fit.errors if usable else dict.fromkeys(PLAIN.parameters, unknown)
+        main = hinged if share > 0.5 else plain_fit
         return FormulaFit(
             name=self.name,
             parameters=parameters,
             errors={**hinged.errors, "share": unknown, **errors},
             status=main.status,
             method=hinged.method,
-            rank=hinged.rank + (plain.rank + 1 if share < 1.0 else 0),
+            rank=hinged.rank + (plain_fit.rank + 1 if share < 1.0 else 0),
             condition=main.condition,
             sse=float(residual @ residual),
             samples=len(y),

@@ -141,8 +141,8 @@ class HysteresisLoss(Formula):
         force, hysteresis = columns["force"], columns["hysteresis"]
         upper = UPPER.fit(columns, force + hysteresis)
         lower = LOWER.fit(columns, force - hysteresis)
-        given = {"length": length, "strain_min": float(columns["strain"].min())}
-        parameters = {**upper.parameters, **lower.parameters, **given}
+        constants = {"length": length, "strain_min": float(columns["strain"].min())}
+        parameters = {**upper.parameters, **lower.parameters, **constants}
         notes = [f"upper curve: {note}" for note in upper.notes]
         notes += [f"lower curve: {note}" for note in lower.notes]
         pressure = np.linspace(0.0, float(columns["pressure"].max()), 1001)
@@ -154,7 +154,7 @@ class HysteresisLoss(Formula):
             max(upper, lower, key=lambda fit: SEVERITY.index(fit.status)),
             name=self.name,
             parameters=parameters,
-            errors={**upper.errors, **lower.errors, **dict.fromkeys(given, float("nan"))},
+            errors={**upper.errors, **lower.errors, **dict.fromkeys(constants, float("nan"))},
             rank=upper.rank + lower.rank,
             condition=max(upper.condition, lower.condition),
             sse=upper.sse + lower.sse,

@@ -60,16 +60,16 @@ def braided(
     In `braid`, y is equal to `1 + h/3`. If the diameter is known, the formula is therefore linear
     in h, and the angle follows from `theta = atan(sqrt(3/h))`.
     """
-    own = tuple(parameter.name for parameter in correction)
+    added = tuple(parameter.name for parameter in correction)
     area, form = "area", None
     if of_diameter:
-        area, printed = AREA, {"theta": "atan(sqrt(3/h))", **dict(zip(own, own, strict=True))}
+        area, printed = AREA, {"theta": "atan(sqrt(3/h))", **dict(zip(added, added, strict=True))}
         form = LinearForm(f"{AREA}*pressure*(h*((1 - {strain})^2 - 1/3) - 1)", ("h",), printed)
     return Formula(
         name,
         reference,
         ("pressure", "strain"),
-        ("diameter" if of_diameter else "area", "theta", *own),
+        ("diameter" if of_diameter else "area", "theta", *added),
         f"{area}*pressure*{braid(strain)}",
         correction if of_diameter else (ANGLE, *correction),
         form,

@@ -30,10 +30,10 @@ def by_region(local: Formula, regions: Mapping[str, str]) -> Formula:
     """
     terms = []
     for region, inside in regions.items():
-        own = local.text
+        of_region = local.text
         for name in local.parameters:
-            own = own.replace(name, f"{name}_{region}")
-        terms.append(f"{inside}*{own}")
+            of_region = of_region.replace(name, f"{name}_{region}")
+        terms.append(f"{inside}*{of_region}")
     quantities = ("pressure", "strain_rate", "direction")
     return replace(
         local,
