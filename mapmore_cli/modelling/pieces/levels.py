@@ -72,7 +72,9 @@ def across_levels(
     cases += [
         (Condition(level, "==", Number(at)), partial(curve_at, i)) for i, at in enumerate(levels)
     ]
-    cases += [(level < levels[i + 1], partial(between, i)) for i in range(last)]
+    for i in range(last):
+        within = level < levels[i + 1] if i + 1 < last else level <= levels[last]
+        cases.append((within, partial(between, i)))
     return m.choose("across", cases, above)
 
 
