@@ -141,7 +141,7 @@ class Formula(Body):
 
     @property
     def backbone(self) -> FormulaFit:
-        """The fitted formula itself."""
+        """The fitted formula, because the whole model is its backbone."""
         return self.fit
 
 

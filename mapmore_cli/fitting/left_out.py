@@ -180,7 +180,8 @@ def refuse_over_time(choices: ModelChoices) -> None:
     """
     if choices.kind == "sum" or choices.over_time:
         raise SpecError(
-            "split.leave_one_level_out: a model over time cannot be fitted with a level left out",
+            "split.leave_one_level_out: a sum of models and a model that runs over time cannot be "
+            "fitted again without a level",
             "hold out recordings instead",
         )
 

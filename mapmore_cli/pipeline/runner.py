@@ -458,7 +458,7 @@ class _Run:
         return (
             all(
                 plan.reason is None
-                for plan in plans_of(other, self.stages, other.last, runs, False)
+                for plan in plans_of(other, self.stages, other.last, runs, rehash=False)
             )
             and is_tidy(there.run_dir)
             and (other.is_kept(runs) or not there.unwritten(other.last))

@@ -310,7 +310,9 @@ def test_a_structure_found_in_other_data_is_not_used(folder, searched):
     run_dir = run(loaded, stages, "segment").run_dir
 
     def planned():
-        plans = staleness.plan_stages(stages, "segment", loaded, run_dir, {}, False, False)
+        plans = staleness.plan_stages(
+            stages, "segment", loaded, run_dir, {}, rehash=False, force=False
+        )
         return [plan.stage.name for plan in plans]
 
     assert planned() == ["ingest", "search", "segment"]

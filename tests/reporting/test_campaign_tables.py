@@ -12,7 +12,6 @@ from mapmore_cli.annexes.campaigns import page
 from mapmore_cli.annexes.campaigns.figure import (
     BEST_OTHER,
     MOST_RUNS,
-    ROUNDING,
     campaign_figures,
 )
 from mapmore_cli.annexes.campaigns.page import render_campaign, scores_of, write_page
@@ -295,12 +294,11 @@ def test_the_figure_of_a_campaign_has_a_row_for_each_run():
 
 
 def test_an_error_of_rounding_is_not_drawn():
-    errors = {"a": 0.5 * ROUNDING, "b": ROUNDING, "c": 2 * ROUNDING, "d": 1e-3}
+    errors = {"a": 0.5e-10, "b": 1e-10, "c": 2e-10, "d": 1e-3}
     runs = {name: [replace(row("mapmore", 1), nrmse=nrmse)] for name, nrmse in errors.items()}
     (drawing,) = campaign_figures(CampaignScores(runs))
     assert "mapmore in a, b." in drawing.alt
     assert drawn_lines(drawing)[0]["mapmore"][1] == [2, 3]
-    assert ROUNDING == 1e-10
 
 
 def test_rows_of_the_figure_have_room_for_their_dots():

@@ -48,8 +48,9 @@ class Dialect:
     short: bool = False
 
     def function(self, name: str) -> str:
-        """Return the name by which code calls a function of expressions: its name in the library of
-        the language, or otherwise the name of a helper that the export writes.
+        """Return the name with which exported code calls a function of expressions. This is its
+        name in the library of the language. If the library lacks the function, it is the name of a
+        helper function, which the export writes.
         """
         entry = FUNCTIONS[name]
         if entry.is_in_library(self.language):

@@ -58,14 +58,15 @@ def continuations(candidate: Tried) -> list[Tried]:
     The first copy has the behaviour that the candidate itself sets; if it sets none, it holds the
     value at the end of the curve.
     """
-    own = {candidate.sections.get(BEYOND, "saturate"): ""}
+    own = candidate.sections.get(BEYOND, "saturate")
+    others = {way: added for way, added in WAYS.items() if way != own}
     return [
         replace(
             candidate,
             words=candidate.words + added,
             sections={**candidate.sections, BEYOND: way},
         )
-        for way, added in (own | WAYS | own).items()
+        for way, added in {own: "", **others}.items()
     ]
 
 
@@ -80,7 +81,9 @@ def offered_structures(family: Named, of: Situation) -> Iterator[Tried]:
     for one in family["candidates"]:
         entry = {"kind": family["kind"], "when": {}, "for": {}, **one}
         when, loops = entry.pop("when"), entry.pop("for")
-        for values in combinations(loops, vocabulary(of)) if _applies(when, of) else ():
+        if not _applies(when, of):
+            continue
+        for values in combinations(loops, vocabulary(of)):
             words = vocabulary(of, **values)
             parts = filled(entry, words)
             kind, name = parts.pop("kind"), parts.pop("words")

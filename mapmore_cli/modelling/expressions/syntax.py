@@ -162,8 +162,8 @@ class Power(Expression):
     def __post_init__(self) -> None:
         if not abs(self.exponent) <= MAX_EXPONENT:
             raise ExpressionError(
-                f"the exponent {self.exponent:g} is too large: at most {MAX_EXPONENT} in "
-                "magnitude is possible"
+                f"the exponent {self.exponent:g} is too large: its magnitude may be at most "
+                f"{MAX_EXPONENT}"
             )
 
 

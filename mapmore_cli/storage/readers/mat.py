@@ -223,8 +223,8 @@ def _version_4(path: Path) -> Iterator[tuple[str, Any]]:
         warnings.filterwarnings("ignore", "The default value for `spmatrix`", DeprecationWarning)
         # if several variables have the same name, SciPy warns and returns the last
         warnings.filterwarnings("ignore", "Duplicate variable name")
-        variables = loadmat(str(path))
-        names = whosmat(str(path))
+        variables = loadmat(str(path), appendmat=False)
+        names = whosmat(str(path), appendmat=False)
     for name, *_ in names:
         yield name, partial(member, variables[name])
 

@@ -56,7 +56,7 @@ def _npz_array(archive: zipfile.ZipFile, part: zipfile.ZipInfo, size: int) -> Me
 
     def values() -> Values:
         with archive.open(part) as stream:
-            return npy.read_array(stream)
+            return npy.read_array(stream, allow_pickle=False)  # a pickle could run code
 
     if kind.names:
         return table_of_fields(kind.names, shape, lambda field: lambda at: values()[field][at])

@@ -199,8 +199,10 @@ def test_a_wave_violates_its_shape_by_all_its_rises(monkeypatch):
     (found,) = violations(model, asked, region)
     assert (found.amount, found.share) == pytest.approx((4, 2), rel=1e-3)
     for rise in (0.5e-9, 3e-9):  # of the range; less than 1e-9 is rounding
-        step = lambda _, at, rise=rise: rise * np.ptp(columns["force"]) * (at["strain"] > 0.5)  # noqa: E731
-        monkeypatch.setattr(of_shapes, "settled", step)
+        step = rise * np.ptp(columns["force"])
+        monkeypatch.setattr(
+            of_shapes, "settled", lambda _, at, step=step: step * (at["strain"] > 0.5)
+        )
         (found,) = violations(model, asked, region)
         assert found.share == pytest.approx(rise * (rise > 1e-9))
 
